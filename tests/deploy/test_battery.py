@@ -9,13 +9,9 @@ from some_motors import MAKERS, with_motors
 
 from footfall.deploy.battery import BatteryLimits, BatteryMonitor, BatteryState
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.drivers.choice import open_driver, open_imu
-from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.loop import ControlLoop
-from footfall.deploy.wiring import wiring_of
 from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.robots.actuator import JointCommand
 from footfall.robots.battery import Battery
 from footfall.robots.description import Robot
 
@@ -97,14 +93,6 @@ def test_a_sagging_pack_and_a_wrong_voltage_reading_are_faults(go1: Robot, chang
     assert bool(found) is bool(fault)
 
 
-def test_without_a_voltage_charge_is_unknown_and_nothing_is_limited(go1: Robot) -> None:
-    pack = Pack(go1, 0.05)
-    pack.off_v = np.full(MOTORS, np.nan)
-    state = pack.draw(6.0, 1.0)
-    assert not state.known
-    assert (state.allowed, state.fault) == (1.0, "")
-
-
 def test_motors_that_report_no_current_are_counted_by_torque_and_speed(go1: Robot) -> None:
     pack = Pack(go1, 0.5)
     joints = STILL.copy()
@@ -136,19 +124,3 @@ def test_a_low_battery_slows_the_robot_weakens_its_motors_and_lays_it_down(go1: 
     assert "battery" in trace.faults[0]
     assert (trace.final_state, trace.fell) == ("ESTOP", False)
     assert trace.walked_s < 9.0
-
-
-def test_a_low_battery_lowers_the_torque_limits_not_the_gains(go1: Robot) -> None:
-    class Low:
-        state = BatteryState(allowed=0.6)
-
-        def update(self, *_: object) -> bool:
-            return True
-
-    wiring = wiring_of(go1)
-    layer = JointLayer(go1, open_driver(wiring), open_imu(wiring), 0.002, battery=Low())  # type: ignore[arg-type]
-    layer.absorb([], 0)
-    zeros = np.zeros(MOTORS)
-    for requested, sent in ((1.0, 0.6), (0.5, 0.5)):
-        layer.command(JointCommand(zeros, zeros, zeros, zeros, requested * go1.motor.peak_torque))
-        np.testing.assert_allclose(layer.sent[4], sent * go1.motor.peak_torque)

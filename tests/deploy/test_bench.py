@@ -83,7 +83,7 @@ class TestBench:
         ("joints", "lost", "unset"),
         [([2], 1, ""), ([2], 9, "FR_calf_joint (can0, id 3)"), ([2, 5], 99, "FL_calf")],
     )
-    def test_a_lost_zero_is_set_again_or_its_motor_is_named(
+    def test_a_lost_zero_is_repeated_or_named(
         self, go1: Robot, joints: list[int], lost: int, unset: str
     ) -> None:
         """Frames to the last of these motors are lost."""

@@ -16,8 +16,6 @@ from footfall.deploy.bring_up import criteria
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.bring_up.criteria import Case, Criterion, Window
 from footfall.deploy.bring_up.motions import (
-    StandingTrajectoryPolicy,
-    TrajectoryPolicy,
     one_after_the_other,
     swaying,
 )
@@ -31,7 +29,7 @@ from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.injection import FaultInjector, Injection
 from footfall.plant.robot import PlantConfig
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
 from footfall.terrain.ground import Ground
 from footfall.verbs import bring_up
@@ -105,9 +103,7 @@ class TestCriteria:
         assert_found(findings(go1, criteria.calm, velocity=only(4, velocity)), *finds)
 
     @pytest.mark.parametrize(("ticks", "shakes"), [(20, False), (21, True)])
-    def test_a_window_of_a_fifth_of_a_second_is_too_short_for_shaking(
-        self, go1: Robot, ticks: int, shakes: bool
-    ) -> None:
+    def test_a_fifth_of_a_second_is_too_short_for_shaking(self, go1: Robot, ticks: int, shakes: bool) -> None:
         changes = {name: np.zeros((ticks, 12)) for name in ("target", "position", "torque", "temperature_c")}
         velocity = only(4, 9.0 * (-1.0) ** np.arange(101))[:ticks]
         found = findings(
@@ -217,20 +213,6 @@ class TestMotions:
         for time_s, travel_rad in ((0.5, 0.05), (1.0, 0.1), (1.5, 0.05)):
             np.testing.assert_allclose(way(time_s), travel_rad * middle)
 
-    @pytest.mark.parametrize("stands", [False, True])
-    def test_the_initial_or_the_default_pose_is_the_centre(self, go1: Robot, stands: bool) -> None:
-        kp, kd, found = np.full(12, 10.0), np.full(12, 1.0), go1.default_pose + 0.2
-        way = lambda time_s: np.full(12, 3.0 * time_s)  # noqa: E731
-        policy = StandingTrajectoryPolicy(go1, way, kp, kd) if stands else TrajectoryPolicy(way, kp, kd)
-        for pose in (found, found + 0.5):  # the first one is kept
-            inputs = PolicyInput(0.1, AT_REST._replace(joint_position=pose), np.zeros(3), np.zeros(3), 0.3)
-            if pose is found:
-                policy.reset(inputs)
-            decided = policy.act(inputs)
-            np.testing.assert_allclose(decided.position, (go1.default_pose if stands else found) + 0.3)
-        assert not np.any([decided.velocity, decided.torque])
-        assert (decided.kp is kp, decided.kd is kd, policy.stance()) == (True, True, None)
-
 
 AT_REST = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
 
@@ -299,17 +281,6 @@ class TestJudge:
         assert [end_s for end_s, _ in seen] == [0.1, 0.2]
         np.testing.assert_allclose([times for _, times in seen], 0.01 * np.arange(1, 21, 2).reshape(2, 5))
         assert loop.ended == []
-
-    @pytest.mark.parametrize(
-        ("hangs", "off_rad", "lost"), [(True, 0.51, 1), (True, -0.51, 1), (True, 0.49, 0), (False, 0.51, 0)]
-    )
-    def test_a_lost_joint_ends_its_step(self, go1: Robot, hangs: bool, off_rad: float, lost: int) -> None:
-        judge, loop = self.judge(go1, Window(0.0, 9.0), hangs=hangs), FakeLoop()
-        loop.target[4] = off_rad
-        judge.tick(loop)  # type: ignore[arg-type]
-        judge.tick(loop)  # type: ignore[arg-type]
-        assert loop.ended == [True] * lost
-        assert_found(judge.findings, *["FL_thigh_joint (can1, id 2) 0.51 rad"] * lost)
 
     def test_the_supervisors_faults_come_first_and_an_early_end_fails(self, go1: Robot) -> None:
         judge = self.judge(go1, Window(0.0, 9.0))
@@ -387,7 +358,7 @@ class TestLadder:
         ],
         ids=["sign", "swapped", "no power", "hot", "ratio", "zero"],
     )
-    def test_the_first_step_that_can_notice_a_fault_fails(
+    def test_the_first_step_to_notice(
         self, go1: Robot, steps: list[str], inject: Injection, message: str
     ) -> None:
         for earlier in steps[:-1]:
@@ -445,9 +416,7 @@ def steps_run(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.parametrize("typed", ["walk,hold,legs", "legs,hold,walk", "hold,walk,hold,legs"])
-def test_steps_run_in_their_own_order_not_in_the_typed_one(
-    shell: Shell, steps_run: list[str], typed: str
-) -> None:
+def test_steps_run_in_their_own_order(shell: Shell, steps_run: list[str], typed: str) -> None:
     """The robot does not walk before all other requested steps have passed."""
     assert shell("bring-up", "stand", "--steps", typed).status == 0
     assert steps_run == ["hold", "legs", "walk"]
@@ -474,9 +443,7 @@ def test_a_biped_skips_the_step_that_needs_three_feet(shell: Shell, steps_run: l
     assert done.out.startswith("shift: skipped")
 
 
-def test_each_step_is_confirmed_before_it_moves(
-    shell: Shell, steps_run: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_step_is_confirmed(shell: Shell, steps_run: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
     answers = iter(["y", "Yes", ""])
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)

@@ -52,9 +52,7 @@ class TestUndisturbed:
             assert os.sched_getscheduler(0) == os.SCHED_OTHER
         assert refused == []
 
-    def test_a_refused_priority_is_noted_and_the_loop_runs(
-        self, before: None, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_refused_priority_is_noted(self, before: None, monkeypatch: pytest.MonkeyPatch) -> None:
         def refuse(*_: object) -> None:
             raise PermissionError(1, "Operation not permitted")
 
@@ -83,13 +81,6 @@ class TestUndisturbed:
         monkeypatch.setattr("resource.getrlimit", lambda _: (limit, limit))
         (tmp_path / "status").write_text(f"CapPrm:\t0\nCapEff:\t{capabilities}\n")
         assert clock_module.may_lock_memory(tmp_path / "status") is may
-
-    def test_all_settings_are_restored_after_an_exception(
-        self, before: None, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(clock_module, "may_lock_memory", lambda: False)
-        with pytest.raises(ZeroDivisionError), undisturbed(3):
-            raise ZeroDivisionError
 
 
 def timer_slack_ns() -> int:

@@ -33,12 +33,3 @@ class TestLimits:
         forward_note, yaw_note = limits.notes
         assert all(word in forward_note for word in ("forward", "-1 to 1.5", "5 was clipped to 1.5"))
         assert all(word in yaw_note for word in ("yaw", "-1 to 1", "1.1 was clipped to 1"))
-
-    def test_a_controller_without_ranges_gets_the_command_but_no_nan(self) -> None:
-        limits = CommandLimits(None)
-        command = np.array([5.0, -3.0, 2.0])
-        assert limits.apply(command) is command
-        assert limits.apply(np.array([np.nan, 1.0, 0.0])).tolist() == [0.0, 1.0, 0.0]
-        limits.apply(np.array([0.0, np.inf, -np.inf]))
-        named = [note.split(" command")[0].split()[-1] for note in limits.notes]
-        assert named == ["forward", "leftward", "yaw"]

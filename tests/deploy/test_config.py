@@ -43,9 +43,7 @@ REFUSED = (
 )
 
 
-def test_bad_settings_are_refused_with_file_and_name_and_good_ones_accepted(
-    go1: Robot, tmp_path: Path
-) -> None:
+def test_bad_settings_are_refused_with_file_and_name(go1: Robot, tmp_path: Path) -> None:
     path = tmp_path / "loop.yaml"
     for text in REFUSED:
         path.write_text(text)

@@ -70,13 +70,6 @@ class TestContact:
         self.after(ROBOT, contact, sensed._replace(foot_force=np.full(4, np.nan)), 200)
         assert not contact.believed.any()
 
-    def test_without_torques_force_sensors_are_used(self) -> None:
-        """A recording without force sensors."""
-        force = self.EVEN * np.array([1.0, 0.5, 0.1, np.nan])
-        sensed = self.SENSED._replace(foot_force=force, joint_torque=np.full(12, np.nan))
-        found = self.after(ROBOT, self.begun(ROBOT, self.SENSED), sensed, 200)
-        np.testing.assert_allclose(found, [1.0, 0.5, 0.0, 0.0], atol=0.01)
-
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
     @pytest.mark.parametrize(("share", "trust"), [(0.15, 0.0), (0.5, 0.5), (0.8, 1.0), (1.5, 1.0)])
     def test_trust_follows_the_force_on_the_foot(self, name: str, share: float, trust: float) -> None:
@@ -97,20 +90,6 @@ class TestContact:
             hanging = carried(robot, np.zeros((6, 3)), acceleration)
             assert np.abs(hanging.joint_torque).max() > 0.1
             np.testing.assert_array_equal(self.after(robot, self.begun(robot, hanging), hanging, 100), 0.0)
-
-    def test_an_accelerated_leg_does_not_count_as_standing(self) -> None:
-        """Motors accelerate legs in the air with the very torques that would carry 30 N each."""
-        legs, zero, gather = ROBOT.legs, np.zeros(12), ROBOT.legs.gather
-        hanging, standing = (carried(ROBOT, np.tile(f * UP, (4, 1))) for f in (0.0, 30.0))
-        driving = gather(standing.joint_torque - hanging.joint_torque)
-        acceleration = np.linalg.solve(nominal_body(ROBOT).leg_inertia, driving[:, :, None])[:, :, 0]
-        contact = self.begun(ROBOT, hanging)
-        contact.probability = [0.0] * 4
-        for tick in range(1, 40):
-            speed = legs.scatter(0.002 * tick * acceleration, zero)
-            found = self.after(ROBOT, contact, standing._replace(joint_velocity=speed), 1)
-            np.testing.assert_allclose(found, 0.0, atol=1e-9)
-        assert self.after(ROBOT, self.begun(ROBOT, standing), standing, 40).min() > 0.9
 
     def test_a_stretched_leg_does_not_stop_the_estimate(self, tmp_path: Path) -> None:
         """All links in a line: no torque depends on a force along it."""

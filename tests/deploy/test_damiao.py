@@ -1,13 +1,9 @@
 """Damiao motors: frames by the maker's tables, queries at the start, robots with several makers."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from reports import report
 from some_motors import frame, hexed, introduce, two_motors, with_motors
 
-from footfall.deploy.drivers import damiao
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.damiao import DamiaoDriver
 from footfall.deploy.drivers.mit import MotorRange
@@ -49,27 +45,6 @@ class TestFrames:
         (error,) = driver.replies(frame(0x203, f"{first} 80 00 80 08 00 1e 1e")).error
         assert message in driver.error_name(int(error))
 
-    @pytest.mark.parametrize(
-        ("identifier", "first"), [(0x203, "14"), (0x204, "14"), (0x103, "13"), (0x3, "13")]
-    )
-    def test_replies_of_others_are_ignored(self, driver: DamiaoDriver, identifier: int, first: str) -> None:
-        assert not driver.replies(frame(identifier, f"{first} 80 00 80 08 00 1e 1e")).values.size
-
-    def test_a_late_register_answer_is_no_reading(self, driver: DamiaoDriver) -> None:
-        """As a reading it would mean a disabled motor at -12.48 rad; from an id above 15, an enabled one."""
-        for content in ("03 00 33 15 00 00 48 41", "03 00 55 09 d0 07 00 00"):
-            assert not driver.replies(frame(0x203, content)).values.size
-        wiring = replace(TWO, motor_id=np.array([0x13, 3]))
-        far = DamiaoDriver(wiring)
-        introduce(far, DamiaoMotorEnd(wiring))
-        assert not far.replies(frame(0x213, "13 00 33 15 00 00 48 41")).values.size
-        assert far.replies(frame(0x213, "13 00 33 14 00 00 48 41")).values.size  # no register of ours
-        usual = DamiaoMotorEnd(TWO).reply(slice(None), report(np.zeros((3, 2))))
-        assert driver.replies(usual).values.shape == (3, 2)
-        data = usual.data.copy()  # in arrays that were read before
-        data[1] = np.frombuffer(bytes.fromhex("0300331500004841"), np.uint8)
-        assert np.arange(2)[driver.replies(usual._replace(data=data)).motor].tolist() == [0]
-
 
 class TestRegisters:
     def test_a_motors_own_ranges_are_used(self) -> None:
@@ -81,24 +56,6 @@ class TestRegisters:
         command = np.array([[1.5, -2.0], [3.0, 4.0], [50.0, 60.0], [1.0, 2.0], [5.0, -6.0]])
         back = end.requests(driver.command(command)).values
         np.testing.assert_allclose(back, command, atol=0.07)
-
-    @pytest.mark.parametrize(
-        ("register", "value", "message"),
-        [
-            (damiao.MODE, 2, "control mode 2"),
-            (damiao.TORQUE_MAX, -1.0, "-1 as its TMAX"),
-            (damiao.VELOCITY_MAX, float("nan"), "nan as its VMAX"),
-        ],
-    )
-    def test_a_wrongly_set_motor_stays_disabled(self, register: int, value: float, message: str) -> None:
-        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO)
-        end.registers[1][register] = value
-        for _ in range(6):
-            answer = end.settings_replies(driver.query_settings())
-            if answer is not None:
-                driver.replies(answer)
-        assert driver.not_ready().startswith("motor knee (can1, id 3) ")
-        assert message in driver.not_ready()
 
 
 class TestRobots:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from some_motors import MAKERS, hexed, introduce, two_motors, with_motors
+from some_motors import MAKERS, introduce, with_motors
 
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.choice import open_driver
@@ -51,44 +51,9 @@ def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker:
     np.testing.assert_allclose(set_in(end, maker), expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("maker", LIMITS)
-def test_a_drive_that_keeps_another_limit_is_not_enabled(go1: Robot, maker: str) -> None:
-    """Its answers are those of a drive that ignores writes."""
-    wiring = wiring_of(limited(go1, maker, LIMITS[maker]))
-    driver, end = open_driver(wiring), open_motor_end(replace(wiring, current_endpoint=np.full(12, 301)))
-    for _ in range(40):
-        reads = driver.query_settings()
-        reads = reads.take(reads.id >> 24 & 0x1F != 18)  # RobStride's writes
-        reads = reads.take((reads.id & 0x1F != 4) | (reads.data[:, 0] == 0) | (maker != "ODrive"))
-        result = end.settings_replies(reads)
-        if maker == "moteus":
-            end.torque_limit[:] = 3.0
-            result = end.settings_replies(reads._replace(data=_reads_alone(reads.data)))
-        if result is not None:
-            driver.replies(result)
-    assert "FR_hip_joint" in driver.not_ready()
-
-
-def _reads_alone(data: np.ndarray) -> np.ndarray:
-    """moteus' frames that read the limit and write none."""
-    changed = np.full_like(data, 0x50)
-    changed[:, :2] = 0x1D, 0x25
-    return changed
-
-
 @pytest.mark.parametrize(
     ("maker", "limit"), [("MIT mode", "torque"), ("Damiao", "current"), ("moteus", "current")]
 )
 def test_a_limit_that_a_maker_does_not_have_is_refused(go1: Robot, maker: str, limit: str) -> None:
     with pytest.raises(UserError, match=f"FR_hip_joint: .* no {limit} limit"):
         open_driver(wiring_of(limited(go1, maker, limit)))
-
-
-def test_a_moteus_limit_is_in_its_register_and_each_command() -> None:
-    """1.5 N m for the first motor, none for the second."""
-    wiring = replace(two_motors("moteus", "moteus"), highest=np.array([1.5, np.nan]))
-    driver = open_driver(wiring)
-    assert hexed(driver.query_settings()) == ["1d 25"]
-    driver.replies(open_motor_end(wiring).settings_replies(driver.query_settings()) or driver.disable())
-    commands = hexed(driver.command(np.zeros((5, 2))))
-    assert [each[78:89] for each in commands] == ["00 00 c0 3f", "00 00 c0 7f"]

@@ -8,7 +8,6 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.domain_rand.noise import Noise
-from footfall.domain_rand.sample import Sample
 from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.trace import Trace
@@ -26,14 +25,6 @@ class TestOrderlyRun:
         assert (trace.final_state, trace.faults, trace.fell, trace.fall_reason) == ("IDLE", (), False, "")
         np.testing.assert_allclose(trace.time_s, np.arange(101) / 100, atol=1e-9)
         assert len(trace.compute_ms) == 51
-
-    def test_standing_costs_copper_loss_and_no_work(self, go1: Robot, trace: Trace) -> None:
-        ampere = trace.motor_torque[-1] / (
-            go1.motor_figures("torque_constant_nm_a") * go1.motor_figures("gear_ratio")
-        )
-        loss = float(go1.motor_figures("winding_resistance_ohm") @ ampere**2)
-        assert trace.electrical_power[-1] == pytest.approx(loss, rel=0.02)
-        assert abs(trace.mechanical_power[-1]) < 0.1
 
     def test_ground_truth_reaches_the_policy(self, trace: Trace) -> None:
         np.testing.assert_allclose(trace.estimated_velocity, trace.base_velocity, atol=1e-9)
@@ -72,21 +63,3 @@ class TestFaults:
         trace = run_episode(go1, Hold(go1), short_episode(config=DeployConfig(host_queue=2)))
         assert trace.final_state == "ESTOP"
         assert "bus overflow" in trace.faults[0]
-
-
-def test_a_randomised_robot_has_its_samples_bias_and_load(go1: Robot, trace: Trace) -> None:
-    """Encoders that read 0.02 rad too much shift the joints by that angle.
-
-    A load increases the forces on the feet.
-    """
-    sample = Sample(
-        action_delay_s=np.array(0.007),
-        observation_delay_s=np.array(0.004),
-        encoder_bias=np.full(12, 0.02),
-        payload_kg=np.array(1.5),
-    )
-    heavy = run_episode(go1, Hold(go1), short_episode(sample=sample))
-    assert heavy.final_state == "IDLE"
-    assert heavy.foot_force[-1].sum() - trace.foot_force[-1].sum() == pytest.approx(1.5 * 9.81, abs=2.0)
-    shift = heavy.joint_position[-1] - trace.joint_position[-1]
-    np.testing.assert_allclose(shift.reshape(4, 3)[:, 0], -0.02, atol=0.006)  # hips, which carry little load

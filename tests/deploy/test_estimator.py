@@ -15,7 +15,7 @@ from made_up import bodies
 from footfall.common.rotations import heading, multiply
 from footfall.deploy.estimation.config import EstimatorConfig, GyroConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
-from footfall.deploy.estimation.odometry import POSITION, VELOCITY, YAW, Odometry
+from footfall.deploy.estimation.odometry import YAW, Odometry
 from footfall.policies.controllers.walk import Walk as Generator
 from footfall.policies.policy import Sensed
 from footfall.policies.registry import load_policy
@@ -122,18 +122,6 @@ class TestAgainstTheTruth:
         assert yaw > 0.8
         assert follower.poses[-1].yaw == pytest.approx(yaw, abs=0.03)
 
-    @pytest.mark.parametrize("kind", ["planned", "unplanned"])
-    def test_errors_match_the_covariance(self, walks: dict[str, Follower], kind: str) -> None:
-        """Nearly all errors are within three standard deviations, which are not far too large."""
-        follower = walks[kind]
-        for rows, columns in ((POSITION, slice(0, 3)), (VELOCITY, slice(3, 6))):
-            error = follower.errors()[500:, columns]
-            covariance = np.array([o.covariance[rows, rows] for o in follower.poses[500:]])
-            deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-            assert (np.abs(error) < 3 * deviation).mean() > 0.98
-            square = np.einsum("ti,tij,tj->t", error, np.linalg.inv(covariance), error).mean() / 3
-            assert 0.03 < square < 2.0
-
 
 # -- readings made by hand ---------------------------------------------------------------------------
 
@@ -146,14 +134,6 @@ def held(robot: Robot = ROBOT, share: float = 1.0) -> Sensed:
     torque = legs.torque(legs.pose(robot.default_pose).jacobian, force)
     torque += legs.holding_torque(robot.default_pose, 9.81 * UP)
     return Sensed(np.zeros(3), 9.81 * UP, NO_YAW, robot.default_pose, zero, legs.scatter(torque, zero))
-
-
-def carried_by_its_legs(robot: Robot, sensed: Sensed, velocity: np.ndarray) -> Sensed:
-    """The same, with the joint velocities at which standing feet move the base at a velocity (3,), m/s."""
-    legs, pose = robot.legs, robot.legs.pose(sensed.joint_position)
-    contact = pose.jacobian + legs.rolling_offset(pose.axes, UP)
-    rates = legs.joint_rates(contact, np.tile(-velocity[:, None], (legs.count, 1, 1)))[:, :, 0]
-    return sensed._replace(joint_velocity=legs.scatter(rates, sensed.joint_velocity))
 
 
 def glide(
@@ -198,26 +178,6 @@ class TestPose:
         assert found.yaw == pytest.approx(np.radians(-110.0))
         np.testing.assert_allclose(np.abs(found.orientation @ yawed(turned)), 1.0)
         assert found.angular_velocity[2] == pytest.approx(0.8, rel=1e-3)
-
-    def test_the_start_is_certain_and_keeps_the_motion(self) -> None:
-        estimator, _ = self.moving(0.7, np.array([0.5, 0.0, 0.0]))
-        found = estimator.odometry()
-        np.testing.assert_allclose(found.position, 0.0, atol=1e-12)
-        assert found.yaw == 0.0
-        np.testing.assert_allclose(found.covariance[:2, :2], 0.0, atol=1e-12)
-        np.testing.assert_allclose(found.velocity, [0.5, 0.0, 0.0], atol=2e-3)
-
-    def test_a_reset_clears_the_estimate(self) -> None:
-        velocity = np.array([0.5, 0.2, 0.0])
-        used, sensed = self.moving(0.7, velocity)
-        fresh = BaseEstimator(ROBOT)
-        shoved = carried_by_its_legs(ROBOT, sensed, np.array([-1.0, 0.5, 0.0]))
-        used.update(shoved._replace(acceleration=np.array([3.0, 2.0, 15.0])), None, 0.002)
-        for estimator in (used, fresh):
-            estimator.reset(sensed)
-            glide(estimator, sensed, velocity, np.full(50, 0.0))
-        for one, other in zip(used.odometry(), fresh.odometry(), strict=True):
-            np.testing.assert_array_equal(one, other)
 
     @settings(max_examples=10, deadline=None)
     @given(st.floats(-3.1, 3.1), st.integers(0, 1000))
@@ -294,15 +254,6 @@ class TestHeight:
         glide(estimator, sensed, climbing, np.zeros(251), 0.008)
         assert estimator.odometry().position[2] == pytest.approx(0.0 if level else 0.4, abs=5e-3)
         assert (estimator.odometry().covariance[2, 2] < 1e-4) == level
-
-    def test_in_a_fall_the_height_falls_with_the_velocity(self) -> None:
-        """A fortieth of a second: g t^2 / 2 is 3 mm."""
-        estimator, hanging = BaseEstimator(ROBOT), held(share=0.0)
-        estimator.reset(hanging)
-        estimator._contact.probability = [0.0] * 4
-        falling = hanging._replace(acceleration=np.zeros(3), joint_torque=np.zeros(12))
-        heights = [estimator.update(falling, np.zeros(4), 0.001)[1] for _ in range(25)]
-        assert heights[0] - heights[-1] == pytest.approx(9.81 * 0.025**2 / 2, rel=0.15)
 
 
 class TestReadings:

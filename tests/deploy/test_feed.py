@@ -13,14 +13,11 @@ from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from deploy_policies import Hold
-from mcap.stream_reader import StreamReader
 
 from footfall.common.errors import UserError
-from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.log import McapLog
 from footfall.deploy.log_file import read_log
 from footfall.deploy.modes import Mode
@@ -29,7 +26,6 @@ from footfall.deploy.safety import State
 from footfall.deploy.telemetry.feed_reader import FeedMessage, FeedReader
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
-from footfall.robots.mjcf import load_spec
 
 START_NS = 1_700_000_000_000_000_000
 LATCHED = {"/robot_description", "/tf_static", "/state", "/motor_health"}
@@ -94,15 +90,6 @@ def gaps(found: list[FeedMessage]) -> bool:
     return any(later != earlier + 1 for all_of in by_topic.values() for earlier, later in pairwise(all_of))
 
 
-def test_others_read_the_feed_as_mcap(log: McapLog, tmp_path: Path) -> None:
-    with connect(tmp_path / "feed") as subscriber:
-        log.close()
-        kinds = [type(record).__name__ for record in StreamReader(subscriber.makefile("rb")).records]
-    assert kinds[:2] == ["Header", "Metadata"]
-    assert kinds.count("Message") >= 3  # latched messages, and those that arrived meanwhile
-    assert kinds[-2:] == ["DataEnd", "Footer"]
-
-
 def test_a_wrong_or_slow_subscriber_affects_no_other(log: McapLog, tmp_path: Path) -> None:
     """One subscriber never reads, one sends data, and there are more than the limit."""
     sleepers = [connect(tmp_path / "feed") for _ in range(14)]
@@ -139,38 +126,6 @@ def test_a_feed_in_use_is_refused_and_one_of_an_ended_process_is_replaced(
     again.begin(START_NS)
     assert again.close() == ""
     assert not (tmp_path / "unused").exists()
-
-
-def test_frames_lead_from_the_ground_to_each_sole(go1: Robot, log: McapLog, tmp_path: Path) -> None:
-    """Compared with MuJoCo's kinematics, with the base at the odometry's pose."""
-    angles = np.random.default_rng(0).uniform(-0.5, 0.5, 12) + go1.default_pose
-    position, quaternion = np.array([1.0, 2.0, 0.1]), np.array([0.8, 0.0, 0.36, 0.48])
-    still, unknown = np.zeros(3), np.zeros((7, 7))
-    log.odometry(0, Odometry(position, quaternion, 0.0, still, still, 0.3, np.ones(4), unknown))
-    log.tick(0, sensed(angles), HEALTH, None)
-    log.close()
-    parents = {}
-    for entry in read_log(tmp_path / "run.mcap", ["/tf", "/tf_static"]).entries:
-        for each in entry.message.transforms:
-            parents[each.child_frame_id] = each.header.frame_id, each.transform
-    model = load_spec(go1.xml_path).compile()
-    data = mujoco.MjData(model)
-    data.qpos[:7] = [*position, *quaternion]
-    data.qpos[[model.joint(name).qposadr[0] for name in go1.joint_names]] = angles
-    mujoco.mj_kinematics(model, data)
-    for foot in go1.description.feet:
-        frame, point = f"{foot.name}_sole", np.zeros(3)
-        while frame != "odom":
-            frame, transform = parents[frame]
-            point = placed(transform, point)
-        np.testing.assert_allclose(point, data.geom(foot.geoms[0]).xpos, atol=1e-9)
-
-
-def placed(transform, point: np.ndarray) -> np.ndarray:
-    q, found = transform.rotation, np.zeros(3)
-    mujoco.mju_rotVecQuat(found, point, np.array([q.w, q.x, q.y, q.z]))
-    at = transform.translation
-    return found + np.array([at.x, at.y, at.z])
 
 
 def test_a_run_that_ends_while_its_scene_is_loaded_waits_for_that() -> None:

@@ -49,6 +49,14 @@ class TestContactPoints:
         np.testing.assert_allclose(arms[:, :2] + 0.005 * up[:2], [expected] * 2, atol=atol)
         assert angle or arms[:, 2] == pytest.approx([-0.005] * 2, abs=1e-6)
 
+    def test_soles_follow_their_ankles(self) -> None:
+        """The base level, ankles bent by 0.1 rad: one foot on its toes, one on its heel."""
+        pose = G1.default_pose.copy()
+        left, right = (G1.joint_index(f"{side}_ankle_pitch_joint") for side in ("left", "right"))
+        pose[left], pose[right] = pose[left] + 0.1, pose[right] - 0.1
+        arms = ContactPoints(G1.legs, 0.001).arms(pose, UP)
+        np.testing.assert_allclose(arms[:, 0], [0.085 * np.cos(0.1), -0.085 * np.cos(0.1)], atol=1e-4)
+
     def test_spheres_of_spheres_capsules_and_boxes(self) -> None:
         """A sphere, both ends of a tilted capsule, the corners of a turned box: on its own axes, by scipy."""
         model = mujoco.MjModel.from_xml_string(

@@ -81,15 +81,6 @@ class TestHandover:
         walk(policies, 0.9, 0.78)
         assert len(second.seen) > 0
 
-    def test_a_handover_can_be_cancelled_while_the_robot_stops(self, go1: Robot) -> None:
-        policies = Handover([BentPose(go1, "a"), BentPose(go1, "b")], QUICK)
-        walk(policies, 0.5)
-        policies.apply(Change(policy="b"), 500_000)
-        walk(policies, 0.55, 0.5)
-        policies.apply(Change(policy="a"), 550_000)
-        assert not policies.leaving
-        assert {name for _, name, _ in walk(policies, 1.5, 0.55)} == {"a"}
-
     def test_two_policies_of_one_name_are_refused(self, go1: Robot) -> None:
         with pytest.raises(UserError, match="different names: a, a"):
             Handover([BentPose(go1, "a"), BentPose(go1, "a")])

@@ -7,13 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import count
 
-import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, stand_still
 from relaxed_limits import RELAXED
 from watched_simulation import Simulation, motor_commands
 
-from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import OverdueError, deadlines
 from footfall.deploy.frames import Frames
 from footfall.deploy.guard import Guard
@@ -127,17 +125,3 @@ class TestGuard:
         outcome = run_session(go1, Hold(go1), simulation.bus, session)
         assert "guard" in outcome.faults[-1]
         assert [what for what, _ in motor_commands(go1, simulation.sent)] == ["on", "stiff", "damped", "off"]
-
-
-class TestMotorsOff:
-    """Frames that disable motors are repeated until every motor has replied."""
-
-    def run(self, go1: Robot, simulation: Simulation) -> list[str]:
-        session = Session(stand_still, 0.1, realtime=False, config=DeployConfig(stand_s=0.2), lie_down=False)
-        return list(run_session(go1, Hold(go1), simulation.bus, session).notes)
-
-    def test_disabling_is_repeated_while_frames_are_lost(self, go1: Robot) -> None:
-        simulation, rng = Simulation(go1), np.random.default_rng(1)
-        simulation.bus.outgoing = lambda frames, _: frames.take(rng.random(len(frames.id)) >= 0.2)
-        assert self.run(go1, simulation) == []
-        assert not simulation.body.motors_on.any()

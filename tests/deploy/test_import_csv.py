@@ -89,9 +89,7 @@ def test_the_log_contains_the_walked_path(shell: Shell, walk: Walk, tmp_path: Pa
     assert shell("log", "info", tmp_path / "walk.mcap").status == 0
 
 
-def test_foot_forces_may_replace_torques_and_both_may_be_absent(
-    shell: Shell, walk: Walk, tmp_path: Path
-) -> None:
+def test_foot_forces_may_replace_torques(shell: Shell, walk: Walk, tmp_path: Path) -> None:
     """Feet without load: the acceleration's column, which is about zero, replaces the force."""
     forces = {name: "ax" for name in FEET}
     assert shell(*typed(shell, walk, tmp_path, joint_torque={}, foot_force=forces)).status == 0
@@ -114,9 +112,7 @@ def test_foot_forces_may_replace_torques_and_both_may_be_absent(
         ({"gyro": ["ax", "ay", "az"]}, "never at rest"),  # no attitude
     ],
 )
-def test_a_map_that_does_not_fit_is_refused(
-    shell: Shell, walk: Walk, tmp_path: Path, changes: dict[str, Any], named: str
-) -> None:
+def test_an_unfit_map(shell: Shell, walk: Walk, tmp_path: Path, changes: dict[str, Any], named: str) -> None:
     assert named in shell.refuses(*typed(shell, walk, tmp_path, **changes))
 
 

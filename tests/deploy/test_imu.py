@@ -28,20 +28,6 @@ def test_a_reading_survives_within_half_a_unit(gyro: list[float], acceleration: 
     assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_complete_reading_is_decoded_at_once() -> None:
-    """The second batch in the same arrays is decoded by the faster path."""
-    reader = imu.ImuReader(channel=1)
-    channel, identifier, length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
-    for counter, scale in ((1, 1.0), (2, -2.0)):
-        gyro, acceleration = [0.1 * scale, 0.2, 0.3], [1.0, 2.0 * scale, 9.0]
-        data = imu.encode(imu.Inertial(gyro, acceleration, [0.8, 0.0, 0.6, 0.0]), counter)
-        reader.absorb(Frames(channel, identifier, data, length), 1000 * counter)
-        np.testing.assert_allclose(reader.reading.gyro, gyro, atol=1e-3)
-        np.testing.assert_allclose(reader.reading.acceleration, acceleration, atol=5e-3)
-        np.testing.assert_allclose(reader.reading.quaternion, [0.8, 0.0, 0.6, 0.0], atol=1e-4)
-        assert reader.arrived_us == 1000 * counter
-
-
 def whole(counter: int, acceleration_counter: int | None = None) -> np.ndarray:
     reading = imu.Inertial([0.1, 0.2, 0.3], [1.0, 0.0, 9.8], [0.8, 0.0, 0.6, 0.0])
     data = imu.encode(reading, counter).copy()
@@ -84,30 +70,6 @@ def test_each_part_must_be_renewed_by_complete_frames(part: str, corrupt: Any, a
     assert reader.reading.quaternion == before.quaternion
 
 
-@pytest.mark.parametrize(("channel", "length"), [([1, 1, 0], [8, 8, 8]), ([1, 1, 1], [8, 8, 4])])
-def test_a_partly_invalid_batch_is_decoded_each_time(channel: list[int], length: list[int]) -> None:
-    """Its third frame is from another bus or too short, also when the same arrays come again."""
-    reader = imu.ImuReader(channel=1)
-    arrays = np.array(channel), np.array(imu.IDS)
-    turned = imu.Inertial([0.1, 0.0, 0.0], [0.0, 0.0, 9.8], [0.0, 1.0, 0.0, 0.0])
-    lengths = np.array(length)
-    for count in (1, 2):
-        reader.absorb(Frames(*arrays, imu.encode(turned, count), lengths), count)
-        assert reader.reading.quaternion == (1.0, 0.0, 0.0, 0.0)
-        assert reader.arrived_us is None
-
-
-@pytest.mark.parametrize("axis", range(3))
-@pytest.mark.parametrize(("strange", "sent"), [(np.nan, 32.767), (np.inf, 32.767), (-np.inf, -32.768)])
-def test_a_reading_of_nan_does_not_stop_the_simulation(axis: int, strange: float, sent: float) -> None:
-    gyro = [0.1, 0.2, 0.3]
-    gyro[axis] = strange
-    frames = imu.encode(imu.Inertial(gyro, [0.0, 0.0, 9.8], [1.0, 0.0, 0.0, 0.0]), 1)
-    gyro[axis] = sent
-    assert imu.decode_gyro(frames[0].tobytes())[0] == pytest.approx(gyro)
-    assert imu.decode_acceleration(frames[1].tobytes()) == pytest.approx([0.0, 0.0, 9.8])
-
-
 # -- the wire, to the bit ----------------------------------------------------------------------------
 
 
@@ -148,14 +110,6 @@ class TestReader:
     def wire(self) -> Wire:
         return Wire()
 
-    @pytest.mark.parametrize("before", [1, 2, 3])
-    def test_a_repeated_reading_is_not_new(self, wire: Wire, before: int) -> None:
-        for counter in range(before):
-            wire.send(counter, 1000 * counter)
-        for now_us in (9000, 9500):
-            wire.send(before - 1, now_us)
-        assert wire.reader.arrived_us == 1000 * (before - 1)
-
     @pytest.mark.parametrize("counters", [(0xFFFE, 0xFFFF, 0x10000), (0xFFFF, 0), (7, 30), (0,)])
     def test_a_higher_counter_is_a_new_reading(self, wire: Wire, counters: tuple) -> None:
         for k, counter in enumerate(counters):
@@ -176,21 +130,6 @@ class TestReader:
         wire.send(2000, 5000), wire.send(2001, 6000)  # what was lost in a silence is not older
         assert wire.reader.older == 98
         assert wire.reader.arrived_us == 6000
-
-    def test_frames_may_come_in_any_order_and_among_others(self, wire: Wire) -> None:
-        reading = imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0])
-        others = np.full((2, 8), 0x11, np.uint8)
-        for ids in ([0x302, 0x300, 0x303, 0x2FF, 0x301], [0x302, 0x300, 0x301]):
-            for now_us in (70, 71):
-                data = np.vstack([imu.encode(reading, now_us), others])
-                order = [(0x300, 0x301, 0x302, 0x303, 0x2FF).index(each) for each in ids]
-                rows = np.ones(len(ids), int), np.array(ids), data[order], np.full(len(ids), 8)
-                wire.reader.absorb(Frames(*rows), now_us)
-                np.testing.assert_allclose(wire.reader.reading.gyro, reading.gyro)
-                np.testing.assert_allclose(wire.reader.reading.acceleration, reading.acceleration)
-                np.testing.assert_allclose(wire.reader.reading.quaternion, reading.quaternion, atol=1e-4)
-                assert wire.reader.arrived_us == now_us
-            wire.reader = imu.ImuReader(channel=1)
 
     @pytest.mark.parametrize("before", [1, 2, 3])
     def test_a_part_has_the_time_of_its_frames_arrival(self, wire: Wire, before: int) -> None:

@@ -137,14 +137,6 @@ class TestOnASerialLine:
         imu.absorb(to_frames(0, encode(Sample(1, TILTED))[:20] + encode(Sample(2, TILTED))), 1000)
         assert imu.arrived_us == 1000
 
-    def test_a_message_is_decoded_byte_by_byte(self, driver: type, encode) -> None:
-        imu: SerialImu = driver(0)
-        content = encode(Sample(1, TILTED))
-        imu.absorb(to_frames(0, content[:20]), 1000)  # the rest of this message never arrives
-        for at, byte in enumerate(encode(Sample(2, TILTED)) + encode(Sample(3, TILTED))):
-            imu.absorb(to_frames(0, bytes((byte,))), 2000 + at)
-        assert imu.arrived_us == 2000 + 2 * len(content) - 1
-
 
 class NoCan:
     """CAN interfaces on which nothing happens."""

@@ -85,18 +85,6 @@ class TestPath:
         np.testing.assert_allclose(path.at(0.5), [0.125, 0.5])
         assert (path.at(0.501) - path.at(0.499))[1] / 0.002 == pytest.approx(np.pi / 2, rel=1e-4)
 
-    def test_a_path_is_at_rest_at_each_pose_and_beyond_its_ends(self) -> None:
-        poses = [np.array([0.0]), np.array([1.0]), np.array([-1.0])]
-        path = PosePath(poses, [np.pi / 2, np.pi])
-        assert path.duration_s == pytest.approx(2.0)
-        for time_s, pose in zip([0.0, 1.0, 2.0], poses, strict=True):
-            assert path.at(time_s) == pytest.approx(pose, abs=1e-12)
-            assert np.abs(path.at(time_s + 0.001) - path.at(time_s - 0.001)) < 1e-5
-        path = PosePath([np.array([0.0]), np.array([1.0])], [1.0])
-        assert (path.at(-1.0), path.at(99.0)) == (0.0, 1.0)
-        longer = PosePath([np.array([0.0]), np.array([0.0])], [1.0], min_s=0.7)
-        assert (longer.duration_s, longer.at(0.3)) == (0.7, 0.0)
-
 
 class TestPostures:
     def test_a_robot_lies_if_its_base_has_no_clearance(self, go1: Robot) -> None:
@@ -107,15 +95,6 @@ class TestPostures:
             np.tile([0.0, 1.2, -2.4], 4), LEVEL
         )  # a crouch, in which the clearance is 48 % smaller
         assert postures.on_legs(0.0, Mode.STANDING)
-
-    def test_legs_are_folded_before_they_push(self, go1: Robot) -> None:
-        """Lying with its legs stretched out forwards and backwards."""
-        postures = Postures(go1, CONFIG, lie_down=True)
-        spread = go1.lying_pose + np.tile([0.0, 0.3, 0.0], 4)
-        postures.stand_up(spread, LEVEL)
-        folded_s = max(0.5 * np.pi * 0.3 / CONFIG.pose_rate_rad_s, 0.7 * CONFIG.stand_s)
-        np.testing.assert_allclose(postures.command(0.0).position, spread)
-        np.testing.assert_allclose(postures.command(folded_s).position, go1.lying_pose, atol=1e-9)
 
     @pytest.mark.parametrize(
         ("ending", "share", "rate_rad_s"), [(Ending.STOPPED, 0.0, 8.0), (Ending.WALKING, 0.7, 12.0)]
@@ -196,16 +175,6 @@ class TestRun:
         commands = [seen.command.tolist() for seen in policy.seen]
         assert commands == [[0.5, 0.0, 0.1]] * 6 + [[0.0] * 3] * 5  # 0.1 s each, and both ends
 
-    def test_a_robot_that_does_not_rise_does_not_walk(self, go1: Robot) -> None:
-        """It carries 200 kg, which its motors do not lift."""
-
-        def load(loop: ControlLoop, body: SimulatedRobot) -> None:
-            body.model.body("trunk").mass[:] = 200.0
-
-        outcome = run(go1, Hold(go1), Notebook(load), config=replace(QUICK, stand_s=0.6))
-        assert outcome.faults
-        assert outcome.walked_s == 0.0
-
     def test_a_robot_without_a_lying_pose_cannot_begin_in_it(self) -> None:
         biped = load_robot("g1")
         with pytest.raises(UserError, match=r"'g1'.*lying_rad"):
@@ -213,26 +182,6 @@ class TestRun:
 
 
 class TestDescription:
-    @pytest.mark.parametrize(
-        ("old", "new", "message"),
-        [
-            ("lying_rad: -0.6, ", "", "joint FR_hip_joint has no lying_rad"),
-            (
-                "lying_rad: -2.7",
-                "lying_rad: -2.8",
-                "FR_calf_joint: lying_rad -2.8 is outside the soft limits",
-            ),
-            ("lying_rad: -2.7", "lying_rad: -1.8", "lying_rad: 'trunk' is .* m above the feet"),
-        ],
-    )
-    def test_an_impossible_lying_pose_is_refused(
-        self, own_folder: Path, old: str, new: str, message: str
-    ) -> None:
-        path = own_folder / "robot.yaml"
-        path.write_text(path.read_text().replace(old, new, 1))
-        with pytest.raises(UserError, match=message):
-            load_robot(own_folder)
-
     def test_the_lying_pose_is_not_part_of_the_digest(self, go1: Robot, own_folder: Path) -> None:
         path = own_folder / "robot.yaml"
         path.write_text(path.read_text().replace("lying_rad: 1.35", "lying_rad: 1.4"))

@@ -1,16 +1,12 @@
 """Logs: what they hold, that a killed run keeps them, and that a replay finds the first difference."""
 
 import os
-import re
 import signal
 import subprocess
 import sys
-import threading
-import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -173,17 +169,6 @@ class TestContent:
         assert list(written["/contacts"].data) == found.contact.tolist()
         assert list(written["/footholds"].data) == list(range(12))
 
-    def test_odometry_is_logged_at_50_hz_on_request(self, go1: Robot, tmp_path: Path) -> None:
-        path = tmp_path / "chosen.mcap"
-        config = replace(UNHURRIED, odometry=True)
-        run_episode(go1, Sway(go1), short_episode(duration_s=0.5, log=path, config=config))
-        found = decoded(path)
-        counts = Counter(m.topic for m in found)
-        assert counts["/odom"] == counts["/contacts"] == 26
-        first = {m.topic: m.message for m in reversed(found)}
-        assert list(first["/contacts"].data) == pytest.approx([1.0] * 4, abs=0.01)
-        assert first["/odom"].pose.pose.position.x == pytest.approx(0.0, abs=1e-3)
-
     def test_metadata_names_policy_robot_seed_and_bus(self, go1: Robot, whole: LogFile) -> None:
         log = whole  # of the orderly run
         assert log.complete
@@ -236,9 +221,7 @@ def test_a_killed_run_keeps_its_log(tmp_path: Path) -> None:
 
 
 class TestReplay:
-    def test_a_replay_by_the_same_policy_is_equal_to_the_bit(
-        self, go1: Robot, logged: tuple[Path, Trace]
-    ) -> None:
+    def test_a_replay_is_equal_to_the_bit(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
         """A tolerance is at least 0."""
         result = replay(logged[0], Sway(go1))
         assert (result.steps, result.complete) == (26, True)
@@ -271,17 +254,6 @@ HEALTH = MotorHealth(
 STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
 
 
-def test_a_second_run_into_a_log_is_refused_and_harmless(go1: Robot, tmp_path: Path) -> None:
-    (path, log), link = log_of(go1, tmp_path), tmp_path / "same.mcap"
-    link.symlink_to(path)
-    log.tick(0, STILL, HEALTH, None)
-    with pytest.raises(UserError, match=f"same.mcap.*{os.getpid()}"):
-        McapLog(link, go1, Hold(go1), facts={}, may_wait=True)
-    assert log.close() == ""
-    assert read_log(path).complete
-    McapLog(link, go1, Hold(go1), facts={}, may_wait=True).close()
-
-
 class TestDisk:
     """A log that fails loses only its own content; the run continues."""
 
@@ -299,30 +271,7 @@ class TestDisk:
         assert noted_at_us
         assert noted_at_us[0] < 1_000_000
 
-    def test_a_pause_loses_ticks(self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        """A process that is stopped is like one whose disk hangs."""
-        monkeypatch.setattr(log_module, "MAX_WAITING_BYTES", 20_000)
-        path, log = log_of(go1, tmp_path, may_wait=False)
-        os.kill(log._process.pid, signal.SIGSTOP)
-        resumes = threading.Timer(
-            30.0, os.kill, (log._process.pid, signal.SIGCONT)
-        )  # otherwise it would never end
-        resumes.start()
-        slowest_s = 0.0
-        for tick in range(1000):
-            started = time.perf_counter()
-            log.tick(2000 * tick, STILL, HEALTH, np.zeros((5, 12)))
-            slowest_s = max(slowest_s, time.perf_counter() - started)
-        resumes.cancel()
-        os.kill(log._process.pid, signal.SIGCONT)
-        lacks = re.fullmatch(r"the log .*a\.mcap lacks (\d+) ticks or .*: the disk was too slow", log.close())
-        assert lacks is not None
-        assert slowest_s < 20.0
-        readings = [entry for entry in read_log(path).entries if entry.topic == "/imu/data"]
-        assert 0 < len(readings) == 1000 - int(lacks[1])
-        assert read_log(path).complete
-
-    def test_a_writer_that_never_ends_is_abandoned(
+    def test_a_hung_writer_is_abandoned(
         self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
@@ -347,7 +296,7 @@ class TestDamage:
     """Logs with changed, lost or added bytes give their intact part, or one line."""
 
     @pytest.mark.parametrize("share", [0.0, 0.5], ids=["the first, which has all definitions", "another"])
-    def test_a_damaged_chunk_is_skipped(
+    def test_a_damaged_chunk(
         self, logged: tuple[Path, Trace], whole: LogFile, tmp_path: Path, share: float
     ) -> None:
         """The file's end repeats the definitions of its messages."""

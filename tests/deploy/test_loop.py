@@ -5,74 +5,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from deploy_policies import FailingPolicy, Hold
+from deploy_policies import Hold
 from fake_estimator import FakeEstimator
 from frame_robot import ROWS, TICK_US, Notebook
-from loops import loop_of, simulated_loop, until, walk_for
+from loops import loop_of, until, walk_for
 
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.modes import Mode
 from footfall.deploy.orders import Order, OrderKind
-from footfall.deploy.postures import Ending, Postures
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.operate.inbox import Inbox
 from footfall.plant.motor_ends.motor_end import Request
-from footfall.policies.policy import PolicyInput
-from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
-
-
-class Adding(Hold):
-    """Holds the default pose plus an offset that grows with each policy step, rad."""
-
-    def __init__(self, robot: Robot, *offsets_rad: float) -> None:
-        super().__init__(robot)
-        self._offsets_rad = offsets_rad
-
-    def act(self, inputs: PolicyInput) -> JointCommand:
-        hold = super().act(inputs)
-        step = min(len(self.seen), len(self._offsets_rad)) - 1
-        return hold._replace(position=hold.position + self._offsets_rad[step])
-
-
-class TestCommands:
-    def test_it_stands_up_with_the_gains_for_standing(self, go1: Robot) -> None:
-        loop, body = loop_of(go1, Hold(go1), stand_kp_scale=2.0, stand_kd_scale=1.25)
-        until(loop, Mode.STANDING)
-        for _ in range(5):
-            loop.tick()
-        assert loop.state.mode is Mode.STANDING
-        standing = body.command()
-        np.testing.assert_allclose(standing.kp, 2.0 * go1.kp, atol=0.13)
-        np.testing.assert_allclose(standing.kd, 1.25 * go1.kd, atol=2e-3)
-        np.testing.assert_allclose([standing.velocity, standing.torque], 0.0, atol=0.05)
-
-    def test_targets_lead_smoothly_from_where_the_robot_is_to_the_default_pose(self, go1: Robot) -> None:
-        crouched = go1.default_pose + np.tile([0.0, 0.3, -0.5], 4)
-        loop = simulated_loop(go1, Hold(go1), pose=crouched)
-        targets = []
-        while loop.state.mode is not Mode.WALKING:
-            loop.tick()
-            if loop.state.mode is Mode.STANDING:
-                targets.append(loop.target)
-        np.testing.assert_allclose(targets[0], crouched, atol=0.02)
-        np.testing.assert_allclose(targets[-1], go1.default_pose, atol=1e-6)
-        thighs = np.array(targets)[:, 1::3]
-        assert (np.diff(thighs, axis=0) <= 0.0).all()  # up, and never down again
-        np.testing.assert_allclose(thighs[17], (targets[0] + targets[-1])[1::3] / 2, atol=0.02)  # half-way
-        begun = (thighs[9] - thighs[0]) / (thighs[-1] - thighs[0])  # a quarter of the time, 0.7 * 0.1 s
-        np.testing.assert_allclose(begun, 0.5 - 0.5 * np.cos(np.pi * 0.018 / 0.07), atol=0.01)
-
-    def test_commands_go_out_at_every_tick_decisions_at_every_step(self, go1: Robot) -> None:
-        loop, body = loop_of(go1, Adding(go1, 0.01, 0.02, 0.03))
-        until(loop, Mode.WALKING)
-        sent = []
-        for _ in range(25):
-            loop.tick()
-            sent.append(body.command().position[0] - go1.default_pose[0])
-        np.testing.assert_allclose(sent, [0.01] * 9 + [0.02] * 10 + [0.03] * 6, atol=3e-4)
-        assert [time_us for time_us, _ in body.sent[-25:]] == list(range(102_000, 152_000, TICK_US))
 
 
 def test_a_policy_sees_the_readings_of_the_frames(go1: Robot) -> None:
@@ -126,25 +71,6 @@ class TestFaults:
         assert loop.state.faults[0].startswith(fault)
         assert not body.command().kp.any()
 
-    @pytest.mark.parametrize(
-        ("change", "fault"),
-        [
-            (lambda hold: hold._replace(torque=hold.torque + np.inf), "the policy's command is not finite"),
-            (lambda hold: {}["legs"], "the policy failed: KeyError: 'legs'"),
-        ],
-    )
-    def test_a_fault_of_the_policy_damps_the_robot_in_the_same_tick(
-        self, go1: Robot, change: Any, fault: str
-    ) -> None:
-        loop, body = loop_of(go1, FailingPolicy(go1, 0.04, change))
-        until(loop, Mode.WALKING)
-        while loop.now_us < 140_000:
-            loop.tick()
-        assert loop.state.mode is Mode.ESTOP
-        assert loop.state.faults == (fault,)
-        assert not body.command().kp.any()
-        assert loop.walked_s == pytest.approx(0.04)
-
     @pytest.mark.parametrize("part", ["receive", "stance", "command", "log", "frames", "send"])
     def test_after_any_exception_the_robot_is_damped_and_its_motors_disabled(
         self, go1: Robot, monkeypatch: pytest.MonkeyPatch, part: str
@@ -196,9 +122,7 @@ class TestFaults:
             assert log.of("state")[-1][1].faults == loop.state.faults
 
     @pytest.mark.parametrize("failed", [False, True])
-    def test_a_run_that_a_guard_ended_has_its_fault_and_its_walking_time(
-        self, go1: Robot, failed: bool
-    ) -> None:
+    def test_a_run_that_a_guard_ended_has_its_fault_and_time(self, go1: Robot, failed: bool) -> None:
         """Also after another fault."""
         taken: list[bool] = []
         log = Notebook()
@@ -217,29 +141,6 @@ class TestFaults:
         assert len(loop.state.faults) == 1 + failed
         assert "guard" in loop.state.faults[-1]
         assert log.of("state")[-1] == (loop.now_us, loop.state)
-
-
-class TestEnd:
-    @pytest.mark.parametrize(
-        ("at", "fails", "ending"),
-        [
-            (Mode.STANDING, False, Ending.STANDING),
-            (Mode.WALKING, False, Ending.STOPPED),
-            (Mode.WALKING, True, Ending.WALKING),
-        ],
-    )
-    def test_the_posture_in_which_lying_down_begins(
-        self, go1: Robot, monkeypatch: pytest.MonkeyPatch, at: Mode, fails: bool, ending: Ending
-    ) -> None:
-        """A robot that stands up has all feet on the ground."""
-        found: list[Ending] = []
-        monkeypatch.setattr(Postures, "lie_down", lambda _, target, ending: found.append(ending))
-        policy = FailingPolicy(go1, 0.0 if fails else math.inf, lambda hold: {}["legs"])
-        loop, _ = loop_of(go1, policy, lie_down=True, stop_s=0.01)
-        until(loop, at if not fails else Mode.LOWERING)
-        loop.finish()
-        until(loop, Mode.LOWERING)
-        assert found == [ending]
 
 
 class TestLog:
@@ -278,11 +179,3 @@ class TestLog:
         loop.tick()
         at_us, order = log.of("order")[-1]
         assert (at_us, order.kind, order.by) == (loop.now_us, OrderKind.STOP, "page 2")
-
-    @pytest.mark.parametrize("realtime", [False, True])
-    def test_lateness_counts_on_the_wall_clock_alone(self, go1: Robot, realtime: bool) -> None:
-        loop, _ = loop_of(go1, Hold(go1), realtime=realtime)
-        for _ in range(4):
-            loop.tick()
-        assert loop.timing.tick_us.count == 4
-        assert loop.timing.lateness_us.values().tolist() == [17.0] * 4 * realtime

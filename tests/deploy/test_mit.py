@@ -1,7 +1,6 @@
 """MIT-mode frames: the meaning of their bits, and values at the ends of the ranges."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from hypothesis.extra import numpy as arrays
 from reports import report
 
 from footfall.common.errors import UserError
-from footfall.deploy.drivers import imu, mit
+from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
@@ -42,6 +41,8 @@ class TestCommandFrames:
         # lowest position, highest velocity, lowest stiffness, highest damping, lowest torque
         values = np.array([[-12.5], [50.0], [0.0], [5.0], [-18.0]])
         assert codec.encode(values)[0].tobytes().hex(" ") == "00 00 ff f0 00 ff f0 00"
+        values[3] = 2.5  # half of its range
+        assert codec.encode(values)[0].tobytes().hex(" ") == "00 00 ff f0 00 80 00 00"
 
     @given(shares)
     def test_a_round_trip_is_off_by_half_a_quantum_at_most(self, share: np.ndarray) -> None:
@@ -54,15 +55,6 @@ class TestCommandFrames:
     @pytest.mark.parametrize(("word", "last"), [(mit.ENTER, 0xFC), (mit.EXIT, 0xFD), (mit.ZERO, 0xFE)])
     def test_special_frames_are_seven_ff_and_a_code(self, word: int, last: int) -> None:
         assert mit.special(word, 2).tolist() == [[0xFF] * 7 + [last]] * 2
-
-    @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-    def test_nan_and_infinity_are_refused(self, bad: float) -> None:
-        values = np.zeros((5, N))
-        values[3, 2] = bad
-        CODEC.encode(np.zeros((5, N)))
-        for _ in range(2):
-            with pytest.raises(ValueError, match="not finite"):
-                CODEC.encode(values)
 
 
 class TestReplies:
@@ -145,9 +137,7 @@ class TestAddressing:
         np.testing.assert_allclose(found.values[0], [0.4, 0.1, 1.1], atol=2e-4)
         assert found.temperature_c.tolist() == [35] * 3
 
-    def test_a_reply_has_the_hosts_id_or_its_own_and_six_bytes(
-        self, ends: tuple[MitDriver, MitMotorEnd]
-    ) -> None:
+    def test_a_reply_has_the_hosts_id_or_its_own(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
         for changes, known in (
             ({"id": np.array([0x000, 0x102, 0x102, 0x555])}, [4, 1]),
@@ -155,30 +145,6 @@ class TestAddressing:
         ):
             sent = self.replies(end, np.array([4, 1, 11, 7]))
             assert driver.replies(sent._replace(**changes)).motor.tolist() == known  # type: ignore[union-attr]
-
-    @pytest.mark.parametrize("corrupt", ["id", "length", "channel", "data"])
-    def test_a_corrupt_frame_after_good_ones_is_noticed(
-        self, ends: tuple[MitDriver, MitMotorEnd], corrupt: str
-    ) -> None:
-        """Replies and commands; `data` has another sender in the same arrays."""
-        driver, end = ends
-        known = [joint for joint in range(12) if joint != 5]
-        if corrupt == "channel":
-            known.insert(5, 2)  # the third motor of the first bus
-        replies, commands = self.replies(end, np.arange(12)), driver.command(np.zeros((5, 12)))
-        for read, frames, other in ((driver.replies, replies, 0x555), (end.requests, commands, 0x103)):
-            if corrupt == "data" and read == end.requests:
-                continue
-            for _ in range(3):
-                read(frames)
-            array = getattr(frames, corrupt).copy()
-            if corrupt == "data":
-                array[5, 0] = 77
-            else:
-                array[5] = {"id": other, "length": 4, "channel": 0}[corrupt]
-            for _ in range(2):
-                motor = read(frames._replace(**{corrupt: array})).motor
-                assert np.arange(12)[motor].tolist() == known
 
     def test_a_complete_batch_in_another_order_is_decoded(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
@@ -213,37 +179,8 @@ class TestAddressing:
         assert kind is not None
         assert {k: int(v) for k, v in enumerate(kind) if v} == {2: 3, 3: 1, 7: 2}  # zero, enable, disable
 
-    @pytest.mark.parametrize(("motor", "fits"), [(0, False), (1, True), (127, True), (128, False)])
-    @pytest.mark.parametrize("end", [MitDriver, MitMotorEnd])
-    def test_motor_ids_leave_room_for_replies(self, go1: Robot, end: type, motor: int, fits: bool) -> None:
-        wiring = wiring_of(go1)
-        wiring = replace(wiring, motor_id=np.array([*wiring.motor_id[:11], motor]))
-        if fits:
-            end(wiring)
-        else:
-            with pytest.raises(UserError, match=f"joint RL_calf_joint has motor id {motor}"):
-                end(wiring)
-
 
 def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> None:
     wiring = wiring_of(go1)
     with pytest.raises(UserError, match=r"FR_hip_joint: .*'XY1'.*AK80-9.*DM8009"):
         open_driver(replace(wiring, models=("XY1", *wiring.models[1:])))
-
-
-@pytest.mark.parametrize(
-    ("end", "passed", "blocked"),
-    [
-        (MitDriver, [0x000, 0x101, 0x17F], [0x001, 0x07F, 0x0FF, 0x180, 0x300]),
-        (MitMotorEnd, [0x001, 0x07F], [0x080, 0x101, 0x300, 0x17F]),
-        (imu.ImuReader, [0x300, 0x301, 0x302], [0x2FF, 0x304, 0x100, 0x001]),
-    ],
-)
-def test_filters_pass_the_frames_of_their_end(end: Any, passed: list[int], blocked: list[int]) -> None:
-
-    def passes(identifier: int) -> bool:
-        return any((identifier & f["can_mask"]) == (f["can_id"] & f["can_mask"]) for f in end.filters)
-
-    assert [passes(identifier) for identifier in passed] == [True] * len(passed)
-    assert [passes(identifier) for identifier in blocked] == [False] * len(blocked)
-    assert not any(f["extended"] for f in end.filters)

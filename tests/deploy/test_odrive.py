@@ -1,26 +1,21 @@
 """ODrive axes: their frames by the maker's manual, the joint law on the host, queries at the start."""
 
 import struct
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_policies import FailingPolicy, Hold, short_episode, stand_still
+from deploy_policies import FailingPolicy, Hold, short_episode
 from reports import report
 from some_motors import MAKERS, frame, two_motors, with_motors
 from some_motors import hexed as contents
-from watched_simulation import Simulation
 
-from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import odrive
-from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.odrive_driver import OdriveDriver
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety_config import SafetyConfig
-from footfall.deploy.session import Session, run_session
 from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.motor_ends.odrive import OdriveMotorEnd
@@ -149,30 +144,10 @@ class TestJointLaw:
         assert hip == pytest.approx(10.0 * (2.0 - TURN / 4) + 2.0 * (0.5 - 1.0) + 0.25, rel=1e-6)
         assert knee == pytest.approx((10.0 * 2.0 + 2.0 * 0.5 + 0.25) / 8.0, rel=1e-6)
 
-    def test_an_old_reading_gives_no_torque(self, driver: OdriveDriver) -> None:
-        """The hip continues to report, the knee does not."""
-        for tick in range(8):
-            driver.replies(pair(0x069, 0.0, 0.0))
-            hip, knee = command(driver, kp=10.0, position=1.0)
-            assert hip == pytest.approx(10.0)
-            assert (knee == 0.0) == (tick >= 5), tick
-
     def test_positions_without_torques_are_at_fault(self, driver: OdriveDriver) -> None:
         codes = [int(driver.replies(pair(0x069, 0.0, 0.0)).error[0]) for _ in range(26)]
         assert codes[:25] == [0] * 25
         assert driver.error_name(codes[25]) == "no torque (set torques_msg_rate_ms)"
-
-
-class TestEnd:
-    def test_a_disabled_axis_is_detected_by_its_heartbeat_not_by_its_readings(
-        self, driver: OdriveDriver
-    ) -> None:
-        assert OdriveDriver(TWO).not_confirmed_off().all()
-        driver.disable()
-        driver.replies(joined([pair(0x069, 0, 0), pair(0x07C, 0, 0), heartbeat(1, channel=1)]))
-        assert driver.not_confirmed_off().tolist() == [True, False]
-        driver.replies(heartbeat(1))
-        assert driver.not_confirmed_off().tolist() == [False, False]
 
 
 class TestStart:
@@ -222,33 +197,6 @@ class TestStart:
         assert reason in driver.not_ready()
         assert len(driver.query_settings().id) == 2  # nothing is left to be read
 
-    def test_a_simulated_axis_reports_its_watchdog(self) -> None:
-        wiring = replace(TWO, watchdog_endpoints=np.array([[5, 6], [0x19A, 0x199]]))
-        driver, end = OdriveDriver(wiring), OdriveMotorEnd(wiring)
-        end.watchdog[:, 0] = 0.0, 0.05
-        result = [end.settings_replies(driver.query_settings())]
-        assert result[0] is not None
-        driver.replies(result[0])
-        result.append(end.settings_replies(driver.query_settings()))
-        assert [hexed(each) for each in result if each is not None] == [
-            [(0x065, "00 05 00 00 00"), (0x065, "00 9a 01 00 01")],
-            [(0x065, "00 06 00 00 cd cc 4c 3d"), (0x065, "00 99 01 00 cd cc cc 3d")],  # 0.05 and 0.1
-        ]
-        assert end.settings_replies(driver.command(np.zeros((5, 2)))) is None
-
-    def test_a_node_that_does_not_exist_or_shares_identifiers_is_refused(self) -> None:
-        """0x300 is node 24's 0x00; node 1 has 0x020 to 0x03f, commands of the motor with id 0x21."""
-        mixed = replace(TWO, models=("AK80-9", "ODrive"), motor_id=np.array([0x21, 1]))
-        open_driver(mixed)  # each on a bus of its own
-        for wiring, reason in (
-            (replace(TWO, motor_id=np.array([0, 3])), "hip has motor id 0: .* 1 to 62"),
-            (replace(TWO, motor_id=np.array([63, 3])), "hip has motor id 63: .* 1 to 62"),
-            (replace(TWO, motor_id=np.array([3, 24])), r"knee \(can1, id 24\) and the IMU .* 0x300"),
-            (replace(mixed, channel=np.array([0, 0])), "0x021"),
-        ):
-            with pytest.raises(UserError, match=reason):
-                open_driver(wiring)
-
 
 class TestMotorEnd:
     def test_a_torque_command_needs_torque_mode(self) -> None:
@@ -276,19 +224,6 @@ class TestMotorEnd:
         driver.replies(frames)
         return frames
 
-    def test_each_message_has_its_rate_and_slow_ones_do_not_come_together(self) -> None:
-        """A silent axis sends none."""
-        slow, count = [odrive.HEARTBEAT, odrive.TEMPERATURE, odrive.SUPPLY], Counter[int]()
-        end, silent = OdriveMotorEnd(TWO), OdriveMotorEnd(TWO)
-        for now_us in range(0, 200_000, 1000):
-            frames = end.broadcast(now_us, BOTH, report(np.zeros((3, 2)), temperature_c=41))
-            messages = [] if frames is None else (frames.id & 0x1F).tolist()
-            assert np.isin(messages, slow).sum() <= 1, now_us
-            count.update(messages)
-            none = silent.broadcast(now_us, ~BOTH, report(np.zeros((3, 2)), temperature_c=41))
-            assert none is None or not none.id.size
-        assert count == {odrive.ENCODER: 200, odrive.TORQUES: 200} | dict.fromkeys(slow, 4)
-
     @pytest.mark.parametrize(
         ("error", "bits"), [(0, 0), (1, 1), (10, 0x200), (odrive.WATCHDOG, 0x01000000), (32, 0x80000000)]
     )
@@ -306,28 +241,6 @@ class TestRobots:
         config = DeployConfig(stand_s=0.2, safety=SafetyConfig(damping_s=0.1))
         episode = short_episode(duration_s=0.2, config=config)
         return run_episode(robot, policy or Hold(robot), episode, at).faults  # type: ignore[arg-type]
-
-    def test_an_axis_that_stays_on_is_named_although_it_sends_readings(self, go1: Robot) -> None:
-        """Every axis sends a position every other millisecond, on or off.
-
-        One ignores the order to disable it.
-        """
-        deaf = 4
-        robot = with_motors(go1, **MAKERS["ODrive"])
-        config = DeployConfig(stand_s=0.1, motor_timeout_s=10.0, safety=SafetyConfig(damping_s=0.1))
-        simulated = Simulation(robot, motor_timeout_s=10.0)
-        wiring, bus = simulated.wiring, simulated.bus
-
-        def lost(frames: Frames, _: int) -> Frames:
-            off = (frames.id & 0x1F == odrive.STATE) & (frames.data[:, 0] == odrive.IDLE)
-            return frames.take(~(off & (frames.id >> 5 == wiring.motor_id[deaf]) & (frames.channel == 1)))
-
-        bus.outgoing = lost
-        session = Session(stand_still, 0.1, realtime=False, config=config, lie_down=False)
-        outcome = run_session(robot, Hold(robot), bus, session)
-        (note,) = outcome.notes
-        assert f"still on at the end, though switched off: {wiring.label(deaf)}" in note
-        assert np.flatnonzero(simulated.body.motors_on).tolist() == [deaf]
 
     def test_axes_damp_by_themselves_when_the_host_receives_nothing(self, go1: Robot) -> None:
         """The joint law runs on the host, whose readings become old: the axes have to damp by themselves."""

@@ -13,13 +13,11 @@ from footfall.common.errors import UserError
 from footfall.deploy import policy_runner
 from footfall.deploy.battery import NO_BATTERY
 from footfall.deploy.command_source import VelocityFunction, source_of
-from footfall.deploy.deadline import OverdueError
 from footfall.deploy.handover import Handover
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.steering import Steering
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
-from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
 
 READINGS = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), *np.zeros((3, 12)))
@@ -137,17 +135,6 @@ class TestLateness:
             counts.append(runner.signals.late_steps)
         assert max(counts) == most
 
-    def test_an_interrupted_step_has_no_end_and_disarms_the_deadline(self, go1: Robot) -> None:
-        class NeverReturns(Hold):
-            def act(self, inputs: PolicyInput) -> JointCommand:
-                raise OverdueError
-
-        armed: list[float] = []
-        runner = runner_of(NeverReturns(go1), realtime=True, arm=armed.append)
-        assert walk(runner, [0]) == []
-        assert armed == [0.1, 0.0]
-        assert runner.signals.step_s == math.inf
-
 
 class TestInputs:
     def test_a_policy_gets_the_command_of_its_time_and_zero_while_stopping(self, go1: Robot) -> None:
@@ -160,22 +147,6 @@ class TestInputs:
         policy = Hold(go1)
         walk(runner_of(policy, lambda _: np.ones(3)), [0], walking=False)
         assert policy.seen[0].command.tolist() == [0.0, 0.0, 0.0]
-
-    def test_commands_are_clipped_to_the_contract_and_noted_once(self, go1: Robot) -> None:
-        policy = Hold(go1)
-        policy.contract = SimpleNamespace(commands=CommandRange((-1.0, 1.0), (-1.0, 1.0), (-2.0, 2.0)))  # type: ignore[assignment]
-        policy.notes = notes = ["slower"]  # type: ignore[assignment]
-        runner = runner_of(policy, lambda t: np.array([9.0, 0.0, 9.0 if t > 0.03 else 0.0]))
-        walk(runner, [0])
-        assert runner.steering.requested_command.tolist() == [9.0, 0.0, 0.0]
-        assert policy.seen[-1].command.tolist() == [1.0, 0.0, 0.0]
-        (forward, slower) = runner.notes
-        assert ("forward" in forward, slower) == (True, "slower")
-        step(runner, 40_000)
-        notes.append("lower")
-        *_, yaw, lower = runner.notes
-        assert ("yaw" in yaw, lower) == (True, "lower")
-        assert len(runner.notes) == 4
 
 
 class TestFailure:
@@ -210,41 +181,3 @@ class TestFailure:
             step(runner, now_us)
             finite.append(runner.signals.command_finite)
         assert finite == [False, True]
-
-    def test_a_contact_plan_is_read_after_the_first_step_and_may_fail(self, go1: Robot) -> None:
-        class Planned(Hold):
-            def stance(self) -> np.ndarray:  # type: ignore[override]
-                if len(self.seen) > 1:
-                    raise KeyError("feet")
-                return np.ones(4)
-
-        runner = runner_of(Planned(go1))
-        assert runner.stance() is None
-        walk(runner, [0])
-        assert runner.stance() is not None
-        step(runner, 20_000)
-        assert runner.stance() is None
-        assert runner.signals.error == "the policy failed: KeyError: 'feet'"
-
-    def test_a_decision_is_the_runners_own(self, go1: Robot) -> None:
-        """A policy may write to the arrays that it handed out."""
-        kept: list[JointCommand] = []
-
-        def reuse(hold: JointCommand) -> JointCommand:
-            kept.append(JointCommand(*(part.copy() for part in hold)))
-            return kept[-1]
-
-        runner = runner_of(Changing(go1, reuse))
-        walk(runner, [0])
-        kept[0].position[:] = 9.0
-        assert runner.decision is not None
-        np.testing.assert_array_equal(runner.decision[0], go1.default_pose)
-
-
-@pytest.mark.parametrize(
-    "numbers", [np.ma.masked_greater(np.arange(12.0), 5.0), np.zeros(12) + 1j], ids=["masked", "complex"]
-)
-def test_a_command_of_other_than_real_numbers_is_a_failure(go1: Robot, numbers: np.ndarray) -> None:
-    runner = runner_of(Changing(go1, lambda hold: hold._replace(position=numbers)))
-    assert walk(runner, [0]) == []
-    assert runner.signals.error

@@ -1,6 +1,5 @@
 """Buses through python-can, with a fake python-can."""
 
-import re
 import sys
 from types import SimpleNamespace
 from typing import Any
@@ -9,8 +8,6 @@ import numpy as np
 import pytest
 from fake_time import FakeTime
 
-from footfall.common.errors import UserError
-from footfall.common.installation import install_command
 from footfall.deploy import interface_time, python_can_bus
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.python_can_bus import PythonCanBus
@@ -81,40 +78,6 @@ class TestPythonCanBus:
         assert can.opened[3]["channel"] == "239.74.163.2"
         assert can.opened[3]["fd"] is False
 
-    def test_a_bus_that_cannot_be_opened_closes_the_others(self, can: FakeCan) -> None:
-        with pytest.raises(UserError, match="'broken' on slcan: no such device"):
-            PythonCanBus("slcan", ("can0", "broken"), ())
-        assert [bus.closed for bus in can.buses] == [1]
-        with pytest.raises(UserError, match=r"'serial'.* slcan, udp_m"):
-            PythonCanBus("serial", ("can0",), ())
-
-    def test_a_bus_that_cannot_be_opened_is_refused_in_one_line(
-        self, can: FakeCan, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        """A serial adapter's line names the missing library."""
-
-        class LacksLibraryError(FakeCan.CanError, NotImplementedError):
-            """As python-can's CanInterfaceNotImplementedError."""
-
-        lacks = LacksLibraryError("The serial module is not installed")
-        advice = re.escape(install_command("pyserial"))
-        for interface, error, reason in (
-            ("slcan", OSError("no\nway"), "no way"),
-            ("slcan", FakeCan.CanError("no way"), "no way"),
-            ("slcan", ImportError("no way"), "no way"),
-            ("slcan", ValueError("no way"), "no way"),
-            ("slcan", TypeError("no way"), "no way"),
-            ("slcan", lacks, f".* not installed: {advice}"),
-            ("virtual", lacks, ".* not installed"),
-        ):
-
-            def fail(error: Exception = error, **_: Any) -> None:
-                raise error
-
-            monkeypatch.setattr(can, "Bus", fail)
-            with pytest.raises(UserError, match=rf"'can0' on {interface}: {reason}$"):
-                PythonCanBus(interface, ("can0",), ())
-
     def test_each_frame_goes_to_its_bus_with_its_bytes(self, can: FakeCan) -> None:
         bus = PythonCanBus("slcan", ("can0", "can1"), ())
         can.refuse = {3}
@@ -176,14 +139,6 @@ class TestPythonCanBus:
         assert bus.receive(0)[0].id.tolist() == [EXTENDED | 0x0200_01FD, 0x17F, 0x305, 0x101]
         assert bus.statistics()[0].frames_received == 4
 
-    def test_a_bus_that_is_never_silent_or_fails_does_not_block_it(self, can: FakeCan) -> None:
-        bus = PythonCanBus("virtual", ("can0",), ({"can_id": 0, "can_mask": 0, "extended": False},))
-        can.waiting = {0: [received(1, b"x") for _ in range(1100)]}
-        assert [len(bus.receive(0)[0].id) for _ in range(2)] == [1024, 76]
-        can.waiting = {0: ["failure"] * 40}
-        assert bus.receive(0) == []
-        assert len(can.waiting[0]) == 24
-
     def test_a_frame_has_its_arrivals_time(self, can: FakeCan, monkeypatch: pytest.MonkeyPatch) -> None:
         """Read 2 ms after the last time: 1.5 ms and 0.5 ms old, one from before, one from the future."""
         fake = FakeTime()
@@ -209,9 +164,7 @@ class TestPythonCanBus:
             (0x020, b"\0\x30", ""),  # only byte 1 is the controller's state
         ],
     )
-    def test_error_frames_report_the_bus_state(
-        self, can: FakeCan, identifier: int, data: bytes, reason: str
-    ) -> None:
+    def test_error_frames_and_states(self, can: FakeCan, identifier: int, data: bytes, reason: str) -> None:
         bus = PythonCanBus("slcan", ("can0", "can1"), ())
         can.waiting = {1: [received(identifier, data, is_error_frame=True)]}
         assert bus.receive(0) == []

@@ -46,9 +46,7 @@ class TestSimulatedBus:
             ({"late_steps": 5}, 0.03, "5 steps in a row"),
         ],
     )
-    def test_a_late_policy_stops_it(
-        self, go1: Robot, limit: dict[str, Any], seconds: float, message: str
-    ) -> None:
+    def test_late_policies(self, go1: Robot, limit: dict[str, Any], seconds: float, message: str) -> None:
         config = replace(UNHURRIED, safety=replace(RELAXED.safety, **limit))
         policy = FailingPolicy(go1, 0.1, partial(slow, seconds=seconds))
         trace = run_episode(go1, policy, short_episode(duration_s=20.0, realtime=True, config=config))

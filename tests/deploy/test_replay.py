@@ -80,9 +80,7 @@ def decided(steps: int, *changes: tuple[int, int, float]) -> list[np.ndarray]:
 
 
 class TestReplay:
-    def test_the_first_difference_beyond_the_tolerance_and_the_worst_are_found(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_the_first_and_the_worst_difference_are_found(self, go1: Robot, tmp_path: Path) -> None:
         """Differences of 0.25 at step 1, 2.0 at step 2 and 0.5 at step 3; infinite for NaN."""
         changes = (1, 17, -0.25), (1, 3, 0.125), (2, 59, 2.0), (3, 0, 0.5)
         path = write_steps(tmp_path / "a.mcap", decided(5, *changes), 5)

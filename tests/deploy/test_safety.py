@@ -32,7 +32,12 @@ def with_changes(signals: Signals, changes: dict[str, Any]) -> Signals:
 
 def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.0, **more: Any) -> State:
     """The state a tick after a mode, with faultless signals except these."""
-    return advance(State(mode, since_s), with_changes(FAULTLESS, (changes or {}) | more), CONFIG)
+    return following(State(mode, since_s), (changes or {}) | more)
+
+
+def following(state: State, changes: dict[str, Any]) -> State:
+    """The state a tick after a state with these signals."""
+    return advance(state, with_changes(FAULTLESS, changes), CONFIG)
 
 
 # For each signal the next mode of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING,
@@ -89,8 +94,10 @@ class TestTable:
     def test_a_signal_leads_to_the_mode_in_the_table(
         self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode, latched: bool
     ) -> None:
-        """A robot that can lie down does so after a fault of its policy, and is damped after all others."""
-        state = after(mode, changes | (STARTED if mode is N else {}), **{"end.may_lie": True})
+        """A robot that can lie down does so after a fault of its policy; one that cannot is damped."""
+        changes = changes | (STARTED if mode is N else {})
+        assert after(mode, changes).mode is (E if leads_to is L and mode is not L else leads_to)
+        state = after(mode, changes, **{"end.may_lie": True})
         assert state.mode is leads_to
         if not latched:
             assert state.faults == ()
@@ -98,13 +105,6 @@ class TestTable:
             assert fault in state.faults[0]
             assert "\n" not in state.faults[0]
             assert len(state.faults) == 1
-
-    @pytest.mark.parametrize(("changes", "fault", "mode", "leads_to", "latched"), ROWS_AND_MODES)
-    def test_a_robot_that_cannot_lie_down_is_damped(
-        self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode, latched: bool
-    ) -> None:
-        state = after(mode, changes | (STARTED if mode is N else {}))
-        assert state.mode is (E if leads_to is L and mode is not L else leads_to)
 
     def test_the_table_has_a_row_for_every_rule_except_the_time_to_start(self) -> None:
         """And in every mode in which a rule counts, the row leads to a fault."""
@@ -123,7 +123,7 @@ class TestTable:
     def test_a_fault_of_the_policy_changes_nothing_while_lying_down(self) -> None:
         changes = {"policy.error": "x", "end.may_lie": True}
         state = after(W, changes)
-        assert advance(state, with_changes(FAULTLESS, changes | {"now_s": 6.0}), CONFIG) == state
+        assert following(state, changes | {"now_s": 6.0}) == state
         lies = with_changes(FAULTLESS, changes | {"now_s": 7.0, "posture_done": True})
         assert advance(state, lies, CONFIG) == State(E, 7.0, state.faults)
 
@@ -226,33 +226,29 @@ LEAST_S, LIMITS = CONFIG.damping_s, CONFIG.recovery
 class TestGettingUp:
     def test_a_robot_that_lies_still_gets_up_with_consent_once_it_was_damped(self) -> None:
         fallen = State(F, 4.0, ("fell",), tries=1)
-        assert advance(fallen, with_changes(FAULTLESS, LIES), CONFIG) == State(U, 5.0, ("fell",), tries=2)
+        assert following(fallen, LIES) == State(U, 5.0, ("fell",), tries=2)
         for changes in ({"now_s": 3.9 + LEAST_S}, {"recovery.ready": False}):
-            assert advance(fallen, with_changes(FAULTLESS, LIES | changes), CONFIG) == fallen
+            assert following(fallen, LIES | changes) == fallen
 
     def test_without_consent_or_tries_it_stays_down(self) -> None:
         end = State(F, 5.0, ("fell",), over=True)
-        assert advance(State(F, 4.0, ("fell",)), with_changes(FAULTLESS, LIES | NO_CONSENT), CONFIG) == end
+        assert following(State(F, 4.0, ("fell",)), LIES | NO_CONSENT) == end
         spent = State(F, 4.0, ("fell",), tries=LIMITS.tries)
-        assert advance(spent, with_changes(FAULTLESS, LIES), CONFIG).over
+        assert following(spent, LIES).over
 
     def test_a_robot_that_never_rests_stays_down_with_a_second_fault(self) -> None:
         changes = LIES | {"recovery.ready": False, "now_s": 4.0 + LIMITS.wait_s}
-        state = advance(State(F, 4.0, ("fell",)), with_changes(FAULTLESS, changes), CONFIG)
+        state = following(State(F, 4.0, ("fell",)), changes)
         assert (state.mode, state.over, len(state.faults)) == (F, True, 2)
 
     def test_a_fault_keeps_it_down(self) -> None:
-        state = advance(
-            State(F, 4.0, ("fell",)), with_changes(FAULTLESS, LIES | {"motors.error": "x"}), CONFIG
-        )
+        state = following(State(F, 4.0, ("fell",)), LIES | {"motors.error": "x"})
         assert state == State(E, 5.0, ("fell", "x"))
 
     def test_standing_up_clears_the_fault_and_walking_clears_the_tries(self) -> None:
         up = State(U, 4.0, ("fell",), tries=2)
-        assert advance(up, with_changes(FAULTLESS, {"recovery.stands": True}), CONFIG) == State(
-            S, 5.0, tries=2
-        )
-        walks = advance(State(S, 4.0, tries=2), with_changes(FAULTLESS, {"posture_done": True}), CONFIG)
+        assert following(up, {"recovery.stands": True}) == State(S, 5.0, tries=2)
+        walks = following(State(S, 4.0, tries=2), {"posture_done": True})
         assert walks == State(W, 5.0, tries=2)
         for walked_s, tries in ((0.9 * LIMITS.again_s, 2), (1.1 * LIMITS.again_s, 0)):
             tips = with_changes(FAULTLESS, {"imu.tilt_rad": 2.0, "now_s": 5.0 + walked_s})
@@ -260,9 +256,7 @@ class TestGettingUp:
 
     def test_the_end_of_the_run_leaves_it_down(self) -> None:
         up = State(U, 4.0, ("fell",), tries=1)
-        assert advance(up, with_changes(FAULTLESS, {"end.finish": True}), CONFIG) == up._replace(
-            mode=F, since_s=5.0
-        )
+        assert following(up, {"end.finish": True}) == up._replace(mode=F, since_s=5.0)
 
 
 @pytest.mark.parametrize(

@@ -52,15 +52,6 @@ class TestDrift:
         second = measured(go1, Drift, lambda _: (0.0, 1.0), samples=20)
         assert second[0] == pytest.approx(error - 0.2 * travel)
 
-    @pytest.mark.parametrize(("lag_s", "noticed"), [(0.005, False), (0.05, True)])
-    def test_a_velocity_may_lag_as_a_filtered_one_does(self, go1: Robot, lag_s: float, noticed: bool) -> None:
-        drift = measured(go1, Drift, lambda t: (swing(t)[0], swing(t - lag_s)[1]))
-        assert (drift[0] > LIMITS.drift_rad) == noticed
-
-    def test_travel_is_between_the_readings_that_arrived(self, go1: Robot) -> None:
-        """Every second reply is lost, two more in a row now and then."""
-        assert measured(go1, Drift, lost=lambda k: k % 2 == 1 or k % 14 < 4)[0] < 0.5 * LIMITS.drift_rad
-
 
 class TestWander:
     """The same with its sign."""
@@ -98,9 +89,7 @@ class TestStuck:
     """A position or a velocity equal to the previous one to the last digit, while the other one changes."""
 
     @pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
-    def test_a_stuck_reading_is_noticed_earlier_than_a_wandering_one(
-        self, go1: Robot, reading: tuple[float, float]
-    ) -> None:
+    def test_a_stuck_reading_is_noticed_early(self, go1: Robot, reading: tuple[float, float]) -> None:
         """0.2 rad/s: 0.0044 rad in the first window, 0.008 in others, which fade; 7 ms of it pass."""
         position, velocity = reading
 
@@ -114,16 +103,6 @@ class TestStuck:
         assert stuck[0] > LIMITS.stuck_rad
         assert wander[0] < LIMITS.wander_rad
         assert (stuck[1:] == 0.0).all()
-
-    def test_the_time_restarts_where_position_and_velocity_both_change(self, go1: Robot) -> None:
-        """One of ten readings differs: a velocity that is 0.2 rad/s too high is not stuck."""
-
-        def alive(time_s: float) -> tuple[float, float]:
-            other = 1e-4 * (round(time_s / 0.004) % 10 == 5)
-            return 0.1 + other, 0.2 + other
-
-        assert measured(go1, Stuck, alive)[0] < 0.0
-        assert measured(go1, Wander, alive)[0] > LIMITS.wander_rad
 
 
 class TestTorqueStuck:
@@ -143,12 +122,6 @@ class TestTorqueStuck:
         added_up = [0.01, 0.01 + 0.05, 0.01 + 0.05 + 0.09]
         assert [self.stuck(go1, 0.3, samples) for samples in (30, 40, 50)] == pytest.approx(added_up)
         assert added_up[1] < LIMITS.torque_stuck < added_up[2]
-
-    def test_a_stuck_torque_is_reduced_by_stiffness_times_reading_noise(self, go1: Robot) -> None:
-        """2 mrad at 500 N m/rad are 1 N m, of 23.7."""
-        noise = 1.0 / 23.7
-        expected = (0.08 - 0.03 - noise) + (0.12 - 0.03 - noise)
-        assert self.stuck(go1, 0.3, 50, stiffness=500.0) == pytest.approx(expected, abs=1e-4)
 
     @pytest.mark.parametrize(
         ("share", "samples"),
@@ -235,14 +208,6 @@ class TestLimp:
         found = measured(go1, Limp, torque=lambda _: (reported * peak, expected * peak), samples=50)
         assert found[0] == pytest.approx(limp_s, abs=1e-12)
 
-    def test_a_report_in_between_sets_a_limp_motors_time_back(self, go1: Robot) -> None:
-        """One of ten samples of each window."""
-        peak = float(go1.motor.peak_torque[0])
-        spikes = measured(
-            go1, Limp, torque=lambda t: (0.15 * peak * (round(t / 0.004) % 10 == 5), 0.5 * peak)
-        )
-        assert spikes[0] == 0.0
-
 
 class TestReplyRepeated:
     """A reading that stays while its target moves."""
@@ -267,30 +232,3 @@ class TestReplyRepeated:
 
         values = [self.frozen(go1, 0.0, samples, leap) for samples in (30, 40, 50)]
         assert values == pytest.approx([0.0, 0.0, 0.12])
-
-    @pytest.mark.parametrize("part", [0, 1, 2])
-    def test_a_reply_of_which_one_part_changes_is_not_repeated(self, go1: Robot, part: int) -> None:
-        """Position, velocity or torque, once in a window."""
-        result = JointReadings(go1, ReplyRepeated)
-        result.begin(0, np.zeros(12, np.int64), np.zeros((3, 12)))
-        for k in range(1, 51):
-            joints, target = np.zeros((3, 12)), 0.12 * (k >= 30)
-            joints[part, 0] = 0.01 * (k >= 45)
-            result.add(k * SAMPLE_US, joints, target=target, expected=50.0 * target)
-        np.testing.assert_allclose(result.values[0], np.where(np.arange(12) == 0, 0.0, 0.12))
-
-    @pytest.mark.parametrize("reported", [1.0, 0.8])
-    def test_a_jammed_joint_passes_with_a_far_target(self, go1: Robot, reported: float) -> None:
-        """The motor gives all that it can, also a weak one, from when the joint came to its stop."""
-
-        def away(time_s: float) -> float:
-            return -1.0 if time_s < 0.021 else 0.8 + 0.3 * np.sin(20.0 * time_s)
-
-        assert self.frozen(go1, reported, 250, away) == 0.0
-
-    def test_a_frozen_reply_at_full_torque_is_noticed_once_the_target_comes_back(self, go1: Robot) -> None:
-        def back(time_s: float) -> float:
-            return 0.8 if time_s < 0.4 else 0.8 - 2.0 * (time_s - 0.4)
-
-        assert self.frozen(go1, 1.0, 100, back) == 0.0
-        assert self.frozen(go1, 1.0, 180, back) > LIMITS.repeated_rad

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from sensor_readings import SAMPLE_US, STILL
 
-from footfall.deploy import rules
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.modes import Mode
 from footfall.deploy.sensor_checks.check import BodyCheck, JointCheck, Limit
@@ -124,10 +123,6 @@ class TestAdding:
         monitor.begin(20 * SAMPLE_US, np.full(12, 20 * SAMPLE_US), STILL, moving, moving[0])
         assert window(monitor, moving, number=2) is None
 
-    def test_a_made_up_check_is_in_the_table_of_rules(self) -> None:
-        row = "| how much a joint twitches | `speed_share` 1.5 | `safety.sensors` | FALLING |"
-        assert row in rules.table((*JOINT_CHECKS, Twitch))
-
 
 class Seen(BodyCheck):
     """Stores the windows that it receives."""
@@ -144,51 +139,6 @@ class Seen(BodyCheck):
 def seen(monkeypatch: pytest.MonkeyPatch) -> list:
     monkeypatch.setattr(Seen, "windows", [])
     return Seen.windows
-
-
-class TestBody:
-    """The base is compared once, a tick after the joints, whatever has come since."""
-
-    def test_a_window_is_checked_once_and_not_changed_by_later_readings(self, go1: Robot, seen: list) -> None:
-        monitor, still = monitor_of(go1, body_checks=[Seen]), np.array([go1.default_pose, ZEROS, ZEROS])
-        assert monitor.body_contradiction(True) is None
-        assert window(monitor, still, STILL._replace(gyro=(0.1, 0.0, 0.0))) is None
-        assert seen == []
-        monitor.add(11 * SAMPLE_US, 0, np.full(12, 11 * SAMPLE_US), STILL, still, ZEROS)
-        assert monitor.body_contradiction(True) is None
-        assert seen[0].gyro == pytest.approx([0.1, 0.0, 0.0])
-        assert monitor.body_contradiction(True) is None
-        assert len(seen) == 1
-        for k in range(12, 21):
-            monitor.add(k * SAMPLE_US, 0, np.full(12, k * SAMPLE_US), STILL, still, ZEROS)
-        assert monitor.joint_contradiction(ZEROS, still[0], ZEROS, ZEROS) is None
-        assert monitor.body_contradiction(True) == Implausible("seen 2", Mode.ESTOP)
-
-    def test_a_window_with_a_gap_is_dropped(self, go1: Robot, seen: list) -> None:
-        monitor, fast = monitor_of(go1, body_checks=[Seen]), np.array([go1.default_pose, ZEROS + 99.0, ZEROS])
-        assert window(monitor, fast, silence_us=50_000) is None
-        assert monitor.body_contradiction(True) is None
-        assert seen == []
-
-    @pytest.mark.parametrize(
-        ("on_legs", "speed_rad_s", "tilted"), [(True, 0.29, True), (True, 0.31, False), (False, 0.0, False)]
-    )
-    def test_the_legs_attitude_is_checked_while_the_robot_stands_still(
-        self, go1: Robot, seen: list, on_legs: bool, speed_rad_s: float, tilted: bool
-    ) -> None:
-        """Its nose up by 0.2 rad: the feet that carry it are all in one plane, which is level by the legs."""
-        up = np.array([math.sin(0.2), 0.0, math.cos(0.2)])
-        monitor = monitor_of(go1, replace(WIDE_LIMITS, limp_s=10.0), body_checks=[Seen])
-        legs = go1.legs
-        pressed = np.full((legs.count, 1), 9.81 * legs.mass / legs.count) * up
-        torque = legs.holding_torque(go1.default_pose, 9.81 * up)
-        torque = torque + legs.torque(legs.pose(go1.default_pose).jacobian, pressed)
-        joints = np.array([go1.default_pose, ZEROS + speed_rad_s, legs.scatter(torque, ZEROS.copy())])
-        nose_up = STILL._replace(quaternion=(math.cos(0.1), 0.0, -math.sin(0.1), 0.0))
-        for number in range(12):
-            window(monitor, joints, nose_up, number)
-            monitor.body_contradiction(on_legs)
-        assert seen[-1].slope_rad == pytest.approx(0.2 * tilted, abs=0.01)
 
 
 class TestWindows:

@@ -35,41 +35,6 @@ def test_an_impossible_position_prevents_stiffness(go1: Robot, joint: int, turns
     assert turns in fault
 
 
-@pytest.mark.parametrize(
-    ("temperature_c", "speed_rad_s", "error", "fault"),
-    [
-        (90, 0.0, 0, "FR_hip_joint (can0, id 1): the motor is at 90 degrees Celsius"),
-        (30, 50.0, 0, "FR_hip_joint (can0, id 1): turns at 50.0 rad/s, faster than its motor can"),
-        (30, 0.0, 1, "motor FR_hip_joint (can0, id 1) reports over-temperature"),
-    ],
-)
-def test_a_faulty_motor_prevents_stiffness(
-    go1: Robot, temperature_c: int, speed_rad_s: float, error: int, fault: str
-) -> None:
-    loop, body = loop_of(go1, Hold(go1))
-    body.temperature_c, body.readings[1, 0], body.error[0] = temperature_c, speed_rad_s, error
-    assert refused(loop, body) == (fault,)
-
-
-@pytest.mark.parametrize(
-    ("lean_rad", "acceleration", "off"),
-    [
-        (0.0, (0.0, 0.0, 1.0), "90%"),  # in units of g
-        (0.0, (0.0, 0.0, -9.8), "200%"),
-        (math.radians(15), (0.0, 0.0, 9.8), "26%"),  # askew: 2 sin(7.5 degrees)
-    ],
-)
-def test_an_imu_that_contradicts_gravity_prevents_stiffness(
-    go1: Robot, lean_rad: float, acceleration: tuple[float, float, float], off: str
-) -> None:
-    loop, body = loop_of(go1, Hold(go1), still_s=0.05)
-    body.quaternion = (math.cos(lean_rad / 2), 0.0, math.sin(lean_rad / 2), 0.0)
-    body.acceleration = acceleration
-    (fault,) = refused(loop, body)
-    assert fault.startswith("the IMU: at the start")
-    assert fault.endswith(off)
-
-
 @pytest.mark.parametrize("query", ["not_ready", "not_enabled"])
 def test_no_joint_gets_stiffness_before_each_motor_is_ready_and_enabled(go1: Robot, query: str) -> None:
     """All answer meanwhile; in the end the fault is that of the driver."""
@@ -98,25 +63,6 @@ def test_motors_are_enabled_until_all_have_answered(go1: Robot) -> None:
     body.silent = []
     loop.tick()
     assert loop.state.mode is Mode.STANDING
-
-
-@pytest.mark.parametrize(
-    ("times", "fault"),
-    [
-        ([*range(0, 150_000, TICK_US), *range(360_000, 380_000, TICK_US)], "the loop paused for 212 ms"),
-        ([*range(0, 150_000, TICK_US), *range(150_000, 900_000, 2 * TICK_US)], "ticks were skipped"),
-    ],
-)
-def test_skipped_ticks_are_a_fault(go1: Robot, times: list[int], fault: str) -> None:
-    loop, body = loop_of(go1, Hold(go1), times)
-    for _ in times[:76]:
-        loop.tick()
-    for _ in times[76:]:
-        if loop.state.mode is Mode.WALKING:
-            loop.tick()
-    assert loop.state.mode is Mode.ESTOP
-    assert fault in loop.state.faults[0]
-    assert not body.command().kp.any()
 
 
 def test_the_share_of_skipped_ticks_fades() -> None:

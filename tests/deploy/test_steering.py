@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from deploy_policies import Hold
 
-from footfall.common.errors import UserError
 from footfall.deploy.changes import Change
 from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Request, Status, Stop, Wish
 from footfall.deploy.modes import Mode
-from footfall.deploy.orders import Order, OrderKind
-from footfall.deploy.steering import Steering, offer_of
+from footfall.deploy.steering import Steering
 from footfall.policies.live_settings import Applied, Span
 from footfall.robots.description import Robot
 
@@ -124,33 +122,3 @@ def test_a_stop_is_latched_and_a_damping_one_replaces_it(steering: Steering, sou
     assert steering.stop == Stop("by hand")
     source.stopped = Stop("again", damp=True)
     assert steering.stop == Stop("again", damp=True)
-
-
-def test_orders_and_changes_carry_their_author(steering: Steering, source: ScriptedSource) -> None:
-    assert set(Wish) <= {kind.value for kind in OrderKind}  # every wish is recorded as an order
-    source.request = Request(FORWARD, owner="page 1", gait="walk", settings={"step_height_m": 0.03})
-    assert [change.by for change in changes_of(steering)] == ["page 1", "page 1"]
-    source.request = source.request._replace(settings={"step_height_m": 0.02}, settings_by="page 2")
-    assert [change.by for change in changes_of(steering)] == ["page 2"]
-    assert steering.take_orders() == [Order(OrderKind.STEER, "page 1")]
-    source.request = Request(FORWARD, Wish.STAND, policy="b", owner="page 2")
-    assert changes_of(steering) == [Change(policy="b", by="page 2")]
-    source.stopped = Stop("stopped by key", by="key")
-    assert steering.stop is not None
-    assert steering.take_orders() == [
-        Order(OrderKind.STEER, "page 2"),
-        Order(OrderKind.STAND, "page 2"),
-        Order(OrderKind.STOP, "key", "stopped by key"),
-    ]
-    assert steering.stop is not None
-    assert steering.take_orders() == []
-
-
-def test_a_policy_that_lacks_a_part_of_its_live_settings_is_refused_by_name(go1: Robot) -> None:
-    class Partly(Hold):
-        name = "partly"
-
-        def set_live(self, values: object) -> None: ...
-
-    with pytest.raises(UserError, match=r"'partly'.*take_up"):
-        offer_of(Partly(go1))

@@ -65,9 +65,7 @@ def inner() -> ScriptedBus:
         (frame(0x7F1, b"\1"), False),
     ],
 )
-def test_a_frame_stops_by_its_first_byte_and_for_good(
-    inner: ScriptedBus, arrives: Frames, stops: bool
-) -> None:
+def test_a_frame_stops_by_its_first_byte(inner: ScriptedBus, arrives: Frames, stops: bool) -> None:
     bus = StopFrameBus(inner, FRAME, 1)  # type: ignore[arg-type]
     inner.next = [arrives]
     rest = joined(bus.receive(1000))

@@ -109,7 +109,7 @@ def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @settings(max_examples=60, deadline=None)
 @given(wiring=wirings, decision=decisions, share=readings, start=readings)
-def test_a_command_stays_within_motor_limits(
+def test_commands_in_limits(
     wiring: Wiring, decision: np.ndarray, share: np.ndarray, start: np.ndarray
 ) -> None:
     ends = Ends(wiring, share, 12.5 * start[0])
@@ -119,9 +119,7 @@ def test_a_command_stays_within_motor_limits(
 
 @settings(max_examples=60, deadline=None)
 @given(wiring=wirings, kd=st.floats(0.0, 1e6), share=readings)
-def test_damping_without_readings_stays_within_motor_limits(
-    wiring: Wiring, kd: float, share: np.ndarray
-) -> None:
+def test_damping_without_readings_in_limits(wiring: Wiring, kd: float, share: np.ndarray) -> None:
     """Frames made from the latest speeds, which motors receive repeatedly."""
     ends = Ends(wiring, share, ROBOT.default_pose)
     for frames in 2 * ends.driver.damping(ends.layer.possible_damping(kd)):
@@ -137,20 +135,3 @@ def test_damping_is_lowered_only_as_far_as_necessary() -> None:
     np.testing.assert_allclose(
         Ends(WIRING, speed, ROBOT.default_pose).layer.possible_damping(3.0), 4 * [2.37, 2.37, 3.0], rtol=2e-3
     )
-
-
-@settings(max_examples=60, deadline=None)
-@given(decision=decisions, share=readings)
-def test_a_possible_command_is_sent_unchanged(decision: np.ndarray, share: np.ndarray) -> None:
-    """Joints whose torque is within the limits get the bits that the driver encodes from the decision."""
-    ends = Ends(WIRING, 0.3 * share, ROBOT.default_pose)
-    lower, upper = ROBOT.soft_limits
-    step = 60.0 * 0.002
-    target = ROBOT.default_pose + (np.clip(decision[0], lower, upper) - ROBOT.default_pose).clip(-step, step)
-    whole = np.clip(np.array([target, *decision[1:]]), ends.driver.lowest, ends.driver.highest)
-    sensed = ends.layer.sensed()
-    torque = whole[2] * (target - sensed.joint_position) + whole[3] * (whole[1] - sensed.joint_velocity)
-    least, most = limits(ROBOT.motor, sensed.joint_velocity)
-    possible = (torque + whole[4] < most - 1e-9) & (torque + whole[4] > least + 1e-9)
-    sent = ends.layer.command(JointCommand(*decision)).data
-    assert np.array_equal(sent[possible], ends.driver.command(whole).data[possible])

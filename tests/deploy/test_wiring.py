@@ -6,14 +6,6 @@ from footfall.deploy.wiring import wiring_of
 from footfall.robots.description import Robot
 
 
-def test_an_imu_may_have_its_own_bus(go1: Robot) -> None:
-    wiring = wiring_of(go1)
-    assert wiring.buses == tuple(dict.fromkeys([*(f"can{k}" for k in range(4)), go1.description.imu_bus]))
-    assert wiring.buses[wiring.imu_channel] == go1.description.imu_bus
-    assert wiring.label(5) == "FL_calf_joint (can1, id 3)"
-    assert wiring.models == ("AK70-10", "AK70-10", "AK10-9") * 4
-
-
 def test_buses_are_in_the_order_of_the_joints_and_the_imus_comes_last(go1: Robot) -> None:
     """The order does not depend on the buses' names or on the motors' ids."""
     called = {"can0": "z", "can1": "b", "can2": "y", "can3": "a"}

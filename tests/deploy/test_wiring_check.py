@@ -16,7 +16,7 @@ from footfall.deploy.config import deploy_config
 from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wiring_of
 from footfall.deploy.wiring_check import check
-from footfall.deploy.wiring_check.causes import Cause, as_wired, causes
+from footfall.deploy.wiring_check.causes import Cause, causes
 from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.deploy.wiring_check.proof import is_proven, keep_proof, must_check, proof_file, unproven_note
 from footfall.deploy.wiring_check.verdict import Responses, Search, Verdict
@@ -128,43 +128,6 @@ def test_exchanged_motors_of_a_biped_are_named(motions: Callable[..., None]) -> 
     assert all(name in outcome.faults[0] for name in (yaw, other, "exchanged")), outcome.faults
 
 
-@pytest.mark.parametrize("joints", [(7,), (6, 7)])
-def test_a_cause_that_seems_unlikely_is_simulated(joints: tuple[int, ...], go1: Robot) -> None:
-    """A mistake at one joint changes responses to motions of other joints, like another mistake."""
-    every = list(causes(wiring_of(go1), go1.foot_joints))
-    true = next(each for each in every if each.key == joints and each.ratio[7] != -1.0)
-    right = Responses(50.0 * np.eye(12), np.full((12, 2), 0.1))
-    change = np.diag([20.0, 20.0] + [0.0] * 10)
-    measured = right._replace(torque=right.torque + change)
-    similar = right._replace(torque=right.torque + 0.8 * change)
-
-    def simulated(cause: Cause) -> Iterator[np.ndarray]:
-        yield from np.hstack(measured if cause is true else similar if cause.key == (0,) else right)
-
-    search = Search(measured, right, right.min_size, 0.25, simulated)
-    assert search.cause(every, np.full((5, 12), np.inf), 0.5) == true.text
-
-
-@pytest.mark.parametrize("likely", [True, False])
-def test_an_exchange_that_seems_less_likely_than_wrong_ratios_is_simulated(likely: bool, go1: Robot) -> None:
-    """An exchange that seems less likely than other exchanges is also simulated if the robot fails."""
-    every = list(causes(wiring_of(go1), go1.foot_joints))
-    true = next(each for each in every if each.key == (6, 7))
-    torque = 50.0 * np.eye(12)
-    torque[6, 0] = 20.0  # the motion of joint 6 loads joint 0, too
-    right = Responses(torque, np.full((12, 2), 0.1))
-    loaded = torque[np.ix_(true.joint, true.joint)] if likely else torque
-    measured = right._replace(torque=loaded + np.diag([0.0] * 8 + [28.0] * 4))
-
-    def simulated(cause: Cause) -> Iterator[np.ndarray]:
-        yield from np.hstack(measured if cause is true else right)
-
-    search = Search(measured, right, right.min_size, 0.25, simulated)
-    any_motor = np.full((5, 12), np.inf)
-    assert search.cause(every, any_motor, 0.5) == (true.text if likely else "")
-    assert search.cause(every, any_motor, 0.5, thorough=True) == true.text
-
-
 @pytest.mark.parametrize(("slipping", "tilt", "named"), [(9, 0.1, True), (9, 0.3, True), (7, 0.1, False)])
 def test_a_motor_is_named_whose_own_torques_show_its_mistake(
     slipping: int, tilt: float, named: bool, go1: Robot
@@ -185,16 +148,6 @@ def test_a_motor_is_named_whose_own_torques_show_its_mistake(
     any_motor = np.full((5, 12), np.inf)
     assert search.cause(every, any_motor, 0.5) == ""
     assert search.motor(every, WiringCheckConfig()) == (true.text if named else "")
-
-
-def test_every_cause_assigns_each_joint_one_motor(go1: Robot) -> None:
-    """Each cause differs from the right wiring, and reaches every joint once."""
-    for robot in (go1, load_robot("hexapod")):
-        n = len(robot.joint_names)
-        right = as_wired(n)
-        for cause in causes(wiring_of(robot), robot.foot_joints):
-            assert sorted(cause.joint.tolist()) == list(range(n)), cause.text
-            assert (cause.joint != right.joint).any() or (cause.ratio != right.ratio).any(), cause.text
 
 
 class TestProof:

@@ -52,17 +52,6 @@ def test_a_wrong_or_old_scan_is_refused(wrong: dict[str, object]) -> None:
     assert len(found.heights) == 3
 
 
-def test_a_recorded_scan_of_an_earlier_sender_is_refused() -> None:
-    scans = UdpScans(TOKEN, Watch())
-    recorded = pack(CONTENT, TOKEN, SCAN)
-    assert scans.receive(recorded) == ""
-    assert scans.receive(pack(CONTENT | {"sender": "restarted", "heights": [0.5]}, TOKEN, SCAN)) == ""
-    assert scans.receive(recorded) != ""
-    found = scans.newest(0)
-    assert found is not None
-    np.testing.assert_array_equal(found.heights, [0.5])
-
-
 def test_scans_arrive_over_a_network(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FOOTFALL_TOKEN", TOKEN)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:

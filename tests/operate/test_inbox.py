@@ -126,14 +126,6 @@ def test_a_silent_operator_stops_the_robot_and_later_lays_it_down(inbox: Inbox, 
     assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
 
 
-def test_silence_counts_from_the_start_of_walking(inbox: Inbox, watch: Watch) -> None:
-    watch.now_s += 50.0
-    assert inbox.poll(STANDING).wish is Wish.WALK
-    assert inbox.poll(WALKING).wish is Wish.WALK
-    watch.now_s += 3.1
-    assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
-
-
 def test_anyone_stops_the_robot_and_stopping_again_damps_it(inbox: Inbox) -> None:
     inbox.put("page", velocity=[0.4, 0, 0])
     assert inbox.stopped is None

@@ -65,12 +65,6 @@ class Walker:
         return cos * ahead + sin * left, cos * left - sin * ahead, math.degrees(yaw - yaw0)
 
 
-def test_each_step_is_planned_from_the_end_of_the_previous_one() -> None:
-    there_and_back = mission_of({"steps": [{"go_to": [1.0, 0.0]}, {"go_to": [0.0, 0.0]}]}, "mission")
-    there_s, back_s = there_and_back.planned_s("trot", abilities)
-    assert back_s > there_s > 0.0  # the robot turns round first
-
-
 def test_each_step_reaches_its_goal() -> None:
     for steps, ahead, left, turned in (
         ([{"rectangle": "2x1"}], 0.0, 0.0, 360.0),

@@ -10,7 +10,7 @@ import pytest
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.modes import Mode
 from footfall.deploy.session import SessionResult
-from footfall.plant.episode import Episode, Push, Trial, true_base_state
+from footfall.plant.episode import Episode, Push, Trial
 from footfall.robots.description import Robot
 
 
@@ -167,32 +167,9 @@ class TestTrial:
             assert getattr(trace, name).shape == (0, *width), name
             assert getattr(trace, name).dtype == (bool if name in ("foot_contact", "legs_touch") else float)
 
-    def test_a_diverged_simulation_ends_the_trial_as_a_fault(self, go1: Robot) -> None:
-        trial, body, loop = trial_of(go1)
-        body.lost = True
-        trial.tick(loop)  # type: ignore[arg-type]
-        assert loop.finished == 1
-        trace = trial.trace(replace(OUTCOME, faults=("first",)))
-        assert trace.faults == ("first", "the simulation diverged")
-        assert (trace.fell, trace.fall_reason, trace.final_state) == (True, "", "IDLE")
-
     def test_a_fall_that_the_supervisor_noticed_has_its_reason(self, go1: Robot) -> None:
         trial, *_ = trial_of(go1)
         trace = trial.trace(replace(OUTCOME, final_state="FALLING", faults=("tilt of 1.2 rad", "later")))
         assert (trace.fell, trace.fall_reason) == (True, "tilt of 1.2 rad")
         stopped = trial.trace(replace(OUTCOME, final_state="ESTOP", faults=("no reply",)))
         assert (stopped.fell, stopped.fall_reason) == (False, "")
-
-
-def test_a_policys_true_height_is_above_the_feet_that_stand() -> None:
-    """Feet at 2 and 4 cm stand, one at 20 cm swings, and one is not known."""
-    foot_position = np.array([[0.0, 0.0, 0.02], [0.0, 0.0, 0.2], [0.0, 0.0, 0.04], [np.nan] * 3])
-    truth = SimpleNamespace(
-        base_velocity=np.array([0.5, 0.0, 0.0]),
-        base_position=np.array([9.0, 9.0, 0.33]),
-        foot_position=foot_position,
-        foot_contact=np.array([True, False, True, False]),
-    )
-    velocity, height = true_base_state(SimpleNamespace(truth=lambda: truth))()  # type: ignore[arg-type]
-    np.testing.assert_array_equal(velocity, truth.base_velocity)
-    assert height == pytest.approx(0.30)

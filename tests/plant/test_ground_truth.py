@@ -10,7 +10,7 @@ from footfall.plant.engines.engine import MujocoEngine
 from footfall.plant.ground_truth import GroundTruth
 from footfall.plant.sensors import Layout
 from footfall.robots.description import Robot
-from footfall.robots.model import joint_addresses, read_plant
+from footfall.robots.model import read_plant
 
 
 class TestTruth:
@@ -41,25 +41,6 @@ class TestTruth:
         velocity = np.subtract(positions[2], positions[0]) / 2e-6
         np.testing.assert_allclose(truth.foot_velocity, velocity, atol=1e-6)
         assert np.abs(truth.foot_velocity).min() > 0.01
-
-    @pytest.mark.parametrize("foot", range(4))
-    def test_a_single_foot_carries_the_whole_ground_force(self, odd: Robot, foot: int) -> None:
-        """The other legs are drawn up; the feet are listed FR, FL, RR, RL, and FR has two spheres."""
-        body = body_of(odd)
-        data, model = body.data, body.model
-        drawn = [joint for k in range(4) if k != foot for joint in odd.foot_joints[k]]
-        qpos = joint_addresses(model, odd)[0]
-        for joint in drawn:
-            if "calf" in odd.joint_names[joint]:
-                data.qpos[qpos[joint]] = -2.4
-        for _ in range(3):
-            mujoco.mj_step(model, data)
-        truth = body.truth()
-        assert truth.foot_contact.tolist() == [k == foot for k in range(4)]
-        upward = data.qfrc_constraint[3]
-        assert upward > 5.0
-        assert truth.foot_force[foot] == pytest.approx(upward)
-        assert data.ncon == (2 if foot == 0 else 1)
 
     def test_legs_touch_where_two_of_them_press_on_each_other(self, go1: Robot) -> None:
         """Legs of a standing robot do not touch.

@@ -18,7 +18,6 @@ from footfall.plant.frame_changes import (
     flipped,
     from_imu,
     late,
-    mounted,
     nothing,
     turned,
 )
@@ -45,12 +44,6 @@ def numbers(batches: list[Frames]) -> list[int]:
 
 
 class TestFrames:
-    def test_a_delayed_frame_arrives_once_with_a_later_time(self) -> None:
-        hold = late(3000)
-        came = [hold([batch(n, 1000 * n)] if n < 3 else [], 1000 * n) for n in range(7)]
-        assert [numbers(each) for each in came] == [[], [], [], [0], [1], [2], []]
-        assert [float(each[0].time_us[0]) for each in came[3:6]] == [3000.0, 4000.0, 5000.0]  # type: ignore[index]
-
     def test_only_the_selected_frames_are_late(self) -> None:
         hold = late(3000, from_imu)
         assert numbers(hold([of_imu(), batch(9)], 0)) == [9]
@@ -136,27 +129,3 @@ class TestReadings:
         assert read[0] == [0]
         assert read[20] == [10]
         assert [counter for counters in read for counter in counters] == list(range(11))
-
-
-class TestLooseImu:
-    """Readings of an IMU that turns about an axis of the body."""
-
-    SPIN, ANGLE, RATE, DT_S = np.array([0.4, -0.3, 0.7]), 0.5, 0.2, 1e-6
-
-    def read(self, time_s: float, axis: int) -> imu.Inertial:
-        """Reading of a body that spins evenly and accelerates by 9.81 m/s^2 up and 2 ahead."""
-        body = Rotation.from_euler("ZYX", [1.0, -0.4, 0.2]) * Rotation.from_rotvec(self.SPIN * time_s)
-        measured = body.inv().apply([2.0, 0.0, 9.81])
-        there = imu.Inertial(self.SPIN.tolist(), measured.tolist(), body.as_quat(scalar_first=True).tolist())
-        return mounted(there, axis, self.ANGLE + self.RATE * time_s, self.RATE)
-
-    def turn(self, reading: imu.Inertial) -> Rotation:
-        return Rotation.from_quat(reading.quaternion, scalar_first=True)
-
-    @pytest.mark.parametrize("axis", [0, 1, 2])
-    def test_all_parts_of_a_rotated_reading_agree(self, axis: int) -> None:
-        """The gyro follows the change of orientation; gravity by the orientation stays the same."""
-        now, then = (self.read(time_s, axis) for time_s in (0.3, 0.3 + self.DT_S))
-        changed = (self.turn(now).inv() * self.turn(then)).as_rotvec() / self.DT_S
-        np.testing.assert_allclose(now.gyro, changed, atol=1e-6)
-        np.testing.assert_allclose(self.turn(now).apply(now.acceleration), [2.0, 0.0, 9.81], atol=1e-9)

@@ -73,9 +73,7 @@ def no_controllers(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_controllers")
-def test_check_reports_the_lying_pose(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_reports_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     tips = LyingResult("it tilts by 30 degrees", 0.004, 0.5236)
     monkeypatch.setattr("footfall.plant.lying.lying_test", lambda *_: tips)
     assert main(["robot", "check", "go1", "--duration", "0.3"]) == 1

@@ -128,17 +128,6 @@ class TestMotors:
             learned = ours - torque - stand.motors.drivetrain.friction(velocity, torque)
         assert (np.abs(learned) > 0.01).all()
 
-    def test_a_latched_error_keeps_a_motor_off_until_it_is_cleared(self) -> None:
-        stand = Stand()
-        stand.motors.faults.latched[1] = 8
-        stand.on()
-        assert stand.motors.enabled.tolist() == [True, False, True]
-        assert stand.end.replied[-1][2] == [0, 8, 0]
-        stand.ask(1, np.array([1]), [Request.CLEAR], np.zeros((5, 1)))
-        stand.on(2)
-        assert stand.motors.enabled.all()
-        assert stand.end.replied[-1][2] == [0, 0, 0]
-
     def test_a_delay_holds_back_commands_but_not_switching(self) -> None:
         """2.6 ms are three steps; two commands are on their way at once."""
         stand = Stand(action_delay_s=0.0026)
@@ -184,17 +173,6 @@ class TestMotors:
         assert stand.end.next is not None
         np.testing.assert_array_equal(stand.end.next.values, VALUES[:, [2, 1]])  # not written to
 
-    def test_motors_control_with_the_errors_of_their_encoders(self) -> None:
-        bias = np.array([0.01, -0.02, 0.03])
-        stand = Stand(encoder_bias=bias)
-        stand.on()
-        stand.ask(0, slice(None), None, VALUES)
-        np.testing.assert_allclose(stand.torque(0), torque_of(VALUES, bias))
-        assert stand.motors.encoder_bias is not bias
-        stand.ask(1, np.array([1]), [Request.ZERO], VALUES[:, :1])
-        np.testing.assert_allclose(stand.motors.encoder_bias, [0.01, -0.02 + 0.2, 0.03])
-        np.testing.assert_allclose(bias, [0.01, -0.02, 0.03])
-
     def test_a_motor_enabled_again_continues_a_disabled_one_is_limp(self) -> None:
         stand = Stand()
         stand.on()
@@ -223,38 +201,3 @@ class TestMotors:
         stand.on(27, 1)
         stand.ask(28, np.array([2, 1, 0]), None, VALUES)
         assert stand.end.replied[-1][2] == [0, 0, 2]
-
-    def test_silence_and_stuck_readings_affect_single_motors(self) -> None:
-        stand = Stand()
-        first = stand.on()
-        assert first is not None
-        stand.motors.faults.silent[1] = True
-        stand.motors.faults.stuck[2] = True
-        stand.motors.faults.error[:] = 3
-        stand.ask(1, slice(None), None, VALUES, 2.0 * READINGS)
-        motors, values, errors = stand.end.replied[-1]
-        assert (motors, errors) == ([0, 2], [3, 0])
-        np.testing.assert_array_equal(values, READINGS[:, [0, 2]] * [2.0, 1.0])
-        np.testing.assert_allclose(stand.torque(1), torque_of(VALUES * [1, 0, 1]))
-        stand.motors.faults.silent[1] = False
-        stand.ask(2, slice(None), None, VALUES, 3.0 * READINGS)
-        np.testing.assert_array_equal(stand.end.replied[-1][1], READINGS * [3.0, 3.0, 1.0])
-        stand.motors.faults.stuck[2] = False
-        stand.ask(3, slice(None), None, VALUES, 4.0 * READINGS)
-        np.testing.assert_array_equal(stand.end.replied[-1][1], 4.0 * READINGS)
-
-
-def test_torque_follows_a_first_order_lag() -> None:
-    """After 5 time constants of constant demand, and back to zero once the motor is disabled."""
-    stand, lag_s = Stand(torque_lag_s=np.full(3, 0.004)), 0.004
-    stand.on()
-    values = np.zeros((5, 3))
-    values[4] = 2.0  # feed-forward torque alone
-    stand.ask(0, slice(None), None, values)
-    for step in range(20):
-        mean, start = stand.torque(step), step * 0.001
-        expected = 1 - (lag_s / 0.001) * (np.exp(-start / lag_s) - np.exp(-(start + 0.001) / lag_s))
-        np.testing.assert_allclose(mean, expected * 2.0 * MOTOR.strength, rtol=1e-9)
-    stand.motors.reboot(np.arange(3))
-    assert (stand.torque(20) > 0.5).all()
-    assert (stand.torque(60) < 2.0).all()

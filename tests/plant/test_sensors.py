@@ -313,6 +313,21 @@ class TestSensors:
         np.testing.assert_allclose(errors.std(axis=0), 0.5 / np.sqrt(3.0), rtol=0.1)
         np.testing.assert_allclose([each.gyro for each in readings], [[1, 2, 3]] * 400)
 
+    def test_biases_are_the_same_at_every_reading(self) -> None:
+        gyro, gravity = np.array([0.1, -0.2, 0.3]), np.array([0.03, -0.05, 0.02])
+        past = Past(gyro_bias=gyro, gravity_bias=gravity, encoder_bias=np.array([9.0, 9.0]))
+        past.step(1)
+        turn = Rotation.from_euler("xyz", [0.1, 0.2, -0.3])
+        down = turn.inv().apply([0.0, 0.0, -1.0]) + gravity
+        for _ in range(3):
+            joints, inertial = past.sensors.joints(np.array([0.5, -0.25])), past.sensors.inertial()
+            np.testing.assert_allclose(joints, [[3.5, 1.75], [21, 11], [101, 201]])
+            np.testing.assert_allclose(inertial.gyro, [1.1, 1.8, 3.3])
+            biased = Rotation.from_quat(inertial.quaternion, scalar_first=True)
+            felt = biased.inv().apply([0.0, 0.0, -1.0])
+            np.testing.assert_allclose(felt, down / np.linalg.norm(down), atol=1e-12)
+            assert (biased * turn.inv()).magnitude() < 0.1  # the heading stays
+
     def test_noise_has_its_half_width_and_differs_for_each_reading(self) -> None:
         widths = MoreNoise(gyro=0.4, gravity=0.01, joint_position=0.02, joint_velocity=3.0)
         past, again, other = Past(widths), Past(widths), Past(widths, seed=4)

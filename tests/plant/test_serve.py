@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from footfall.deploy.frames import Frames, no_frames
+from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wiring_of
 from footfall.plant import serve as module
 from footfall.plant.robot import PlantConfig
@@ -68,11 +68,6 @@ def test_frames_that_arrive_during_a_stall_are_lost() -> None:
     assert left.time_us.tolist() == [5000.0, 9000.0]
 
 
-def test_frames_in_time_or_of_unknown_time_are_passed_on() -> None:
-    for frames in (arrived([5000.0, 6000.0, 9000.0]), arrived(None)):
-        assert not_before(frames, 5000) is frames
-
-
 def test_options_reach_the_simulated_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = []
 
@@ -88,34 +83,20 @@ def test_options_reach_the_simulated_robot(monkeypatch: pytest.MonkeyPatch) -> N
     assert taken == [("hexapod", "virtual", PlantConfig(Path("other.xml"), motor_timeout_s=0.7))]
 
 
-class FakeBus:
-    """Gives one batch at the second tick; keeps sent frames."""
+def test_the_plant_has_its_settings_and_ends_with_it(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Any] = []
 
-    def __init__(self, frames: Frames) -> None:
-        self.frames, self.sent, self.called_us = frames, [], []
-
-    def receive(self, now_us: int) -> list[Frames]:
-        self.called_us.append(now_us)
-        return [self.frames] if len(self.called_us) == 2 else []
-
-    def send(self, frames: Frames, now_us: int) -> None:
-        self.sent.append((now_us, frames.id.tolist()))
-
-
-def test_the_plant_has_the_given_settings_and_ends_with_the_context(
-    go1: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made = []
-
-    class Bus(FakeBus):
+    class Bus:
         def __init__(self, interface: str, names: tuple[str, ...], filters: Any) -> None:
-            super().__init__(no_frames())
             made.append((interface, names))
-            self.closed_with = -1
+
+        def receive(self, now_us: int) -> list[Frames]:
+            return []
+
+        def send(self, frames: Frames, now_us: int) -> None: ...
 
         def close(self) -> None:
-            self.closed_with = sum(thread.name == "robot" for thread in threading.enumerate())
-            made.append(self.closed_with)
+            made.append(sum(thread.name == "robot" for thread in threading.enumerate()))
 
     monkeypatch.setattr(module, "open_interfaces", Bus)
     with module.serving(go1, "vcan", PlantConfig(sample={"encoder_bias": np.full(12, 0.25)})) as body:

@@ -60,9 +60,7 @@ def test_sinking_and_tilt_are_the_largest_of_all_samples(
     assert not np.any(episode.command_source(1.0))
 
 
-def test_torques_and_contacts_are_means_after_settling(
-    monkeypatch: pytest.MonkeyPatch, strong: Robot
-) -> None:
+def test_torques_and_contacts_after_settling(monkeypatch: pytest.MonkeyPatch, strong: Robot) -> None:
     found, _ = stood(monkeypatch, strong)
     assert found.torque_share[:3] == pytest.approx([0.6, 0.4, 0.0])
     assert found.feet_down.tolist() == [1.0, 0.5, 0.0, 1.0]
