@@ -1,6 +1,5 @@
 """The velocity command is limited in acceleration, and small ones mean stand."""
 
-
 import numpy as np
 
 from footfall.policies.controllers.command import CommandShaping, ShapedCommand
