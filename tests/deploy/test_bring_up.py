@@ -203,15 +203,14 @@ class TestCriteria:
         assert_found(found(zero, 0.0), "legs do not tilt")
 
 
-class TestMotions:
-    def test_each_joint_moves_towards_the_middle_of_its_range(self, go1: Robot) -> None:
-        """Half of the way after a quarter of the time, all of it after half."""
-        lower, upper = go1.soft_limits
-        way = one_after_the_other(go1, [np.arange(12)], 0.1, 2.0)
-        middle = np.where(go1.default_pose < 0.5 * (lower + upper), 1.0, -1.0)
-        assert {-1.0, 1.0} == set(middle)
-        for time_s, travel_rad in ((0.5, 0.05), (1.0, 0.1), (1.5, 0.05)):
-            np.testing.assert_allclose(way(time_s), travel_rad * middle)
+def test_each_joint_moves_towards_the_middle_of_its_range(go1: Robot) -> None:
+    """Half of the way after a quarter of the time, all of it after half."""
+    lower, upper = go1.soft_limits
+    way = one_after_the_other(go1, [np.arange(12)], 0.1, 2.0)
+    middle = np.where(go1.default_pose < 0.5 * (lower + upper), 1.0, -1.0)
+    assert {-1.0, 1.0} == set(middle)
+    for time_s, travel_rad in ((0.5, 0.05), (1.0, 0.1), (1.5, 0.05)):
+        np.testing.assert_allclose(way(time_s), travel_rad * middle)
 
 
 AT_REST = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))

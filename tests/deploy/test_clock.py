@@ -14,21 +14,20 @@ from footfall.deploy import clock as clock_module
 from footfall.deploy.clock import WallClock, undisturbed
 
 
-class TestClocks:
-    def test_wall_time_keeps_deadlines_and_skips_missed_ones(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        fake = FakeTime()
-        monkeypatch.setattr(clock_module, "time", fake)
-        clock = WallClock(2000)
-        assert (clock.next_tick(), clock.lateness_us()) == (0, 0.0)
-        fake.ns += 500_000
-        assert (clock.next_tick(), clock.lateness_us()) == (2000, 7.0)
-        assert fake.slept == pytest.approx([0.0015])
-        fake.ns = 5_004_300_000  # 2.3 ms later, due 0.3 ms ago
-        assert (clock.next_tick(), clock.lateness_us()) == (4000, pytest.approx(300.0))
-        fake.ns = 5_011_900_000
-        assert (clock.next_tick(), clock.lateness_us()) == (10_000, pytest.approx(1900.0))
-        assert (clock.next_tick(), clock.lateness_us()) == (12_000, 7.0)
-        assert fake.slept == pytest.approx([0.0015, 0.0001])
+def test_wall_time_keeps_deadlines_and_skips_missed_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    fake = FakeTime()
+    monkeypatch.setattr(clock_module, "time", fake)
+    clock = WallClock(2000)
+    assert (clock.next_tick(), clock.lateness_us()) == (0, 0.0)
+    fake.ns += 500_000
+    assert (clock.next_tick(), clock.lateness_us()) == (2000, 7.0)
+    assert fake.slept == pytest.approx([0.0015])
+    fake.ns = 5_004_300_000  # 2.3 ms later, due 0.3 ms ago
+    assert (clock.next_tick(), clock.lateness_us()) == (4000, pytest.approx(300.0))
+    fake.ns = 5_011_900_000
+    assert (clock.next_tick(), clock.lateness_us()) == (10_000, pytest.approx(1900.0))
+    assert (clock.next_tick(), clock.lateness_us()) == (12_000, 7.0)
+    assert fake.slept == pytest.approx([0.0015, 0.0001])
 
 
 class TestUndisturbed:

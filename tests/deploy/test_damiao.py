@@ -46,21 +46,19 @@ class TestFrames:
         assert message in driver.error_name(int(error))
 
 
-class TestRegisters:
-    def test_a_motors_own_ranges_are_used(self) -> None:
-        own = [MotorRange(25.0, 12.0, position=6.0), MotorRange(45.0, 54.0)]
-        driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO, own)
-        assert introduce(driver, end) == 5  # registers, one at a time
-        assert driver.highest[:, 0].tolist() == [6.0, 25.0, 500.0, 5.0, 12.0]
-        assert driver.lowest[[0, 1, 4], 0].tolist() == [-6.0, -25.0, -12.0]
-        command = np.array([[1.5, -2.0], [3.0, 4.0], [50.0, 60.0], [1.0, 2.0], [5.0, -6.0]])
-        back = end.requests(driver.command(command)).values
-        np.testing.assert_allclose(back, command, atol=0.07)
+def test_a_motors_own_ranges_are_used() -> None:
+    own = [MotorRange(25.0, 12.0, position=6.0), MotorRange(45.0, 54.0)]
+    driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO, own)
+    assert introduce(driver, end) == 5  # registers, one at a time
+    assert driver.highest[:, 0].tolist() == [6.0, 25.0, 500.0, 5.0, 12.0]
+    assert driver.lowest[[0, 1, 4], 0].tolist() == [-6.0, -25.0, -12.0]
+    command = np.array([[1.5, -2.0], [3.0, 4.0], [50.0, 60.0], [1.0, 2.0], [5.0, -6.0]])
+    back = end.requests(driver.command(command)).values
+    np.testing.assert_allclose(back, command, atol=0.07)
 
 
-class TestRobots:
-    def test_an_error_of_a_mixed_robot_is_named_in_its_makers_words(self, go1: Robot) -> None:
-        wiring = wiring_of(with_motors(go1, knee="DM8009"))
-        driver = open_driver(wiring)
-        assert driver.error_name(5, 0) == "encoder error"
-        assert driver.error_name(5, 2) == "sensor error"
+def test_an_error_of_a_mixed_robot_is_named_in_its_makers_words(go1: Robot) -> None:
+    wiring = wiring_of(with_motors(go1, knee="DM8009"))
+    driver = open_driver(wiring)
+    assert driver.error_name(5, 0) == "encoder error"
+    assert driver.error_name(5, 2) == "sensor error"

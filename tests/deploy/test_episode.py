@@ -31,35 +31,32 @@ class TestOrderlyRun:
         assert trace.estimated_height[-1] == pytest.approx(trace.base_position[-1, 2], abs=0.03)
 
 
-class TestDeterminism:
-    def test_the_same_seed_gives_the_same_trace(self, go1: Robot) -> None:
-        noise = Noise(joint_position=0.01, joint_velocity=0.2, gyro=0.1, gravity=0.02)
+def test_the_same_seed_gives_the_same_trace(go1: Robot) -> None:
+    noise = Noise(joint_position=0.01, joint_velocity=0.2, gyro=0.1, gravity=0.02)
 
-        def qpos(seed: int) -> np.ndarray:
-            return run_episode(go1, Sway(go1), short_episode(duration_s=0.4, seed=seed, noise=noise)).qpos
+    def qpos(seed: int) -> np.ndarray:
+        return run_episode(go1, Sway(go1), short_episode(duration_s=0.4, seed=seed, noise=noise)).qpos
 
-        assert np.array_equal(qpos(3), qpos(3))
-        assert not np.array_equal(qpos(3), qpos(4))
-
-
-class TestPushesAndFalls:
-    def test_a_tilt_past_the_limit_is_seen_by_the_imu_and_damped(self, go1: Robot) -> None:
-        modes: list[Mode] = []
-
-        def topple(loop: ControlLoop, body: SimulatedRobot) -> None:
-            modes.append(loop.state.mode)
-            if modes.count(Mode.WALKING) >= 100 and loop.state.mode is Mode.WALKING:
-                body.data.qvel[3] = 8.0  # roll over
-
-        trace = run_episode(go1, Hold(go1), short_episode(duration_s=3.0), topple)
-        assert trace.final_state == "FALLING"
-        assert trace.fell
-        assert "tilt" in trace.faults[0]
-        assert modes[-1] is Mode.FALLING
+    assert np.array_equal(qpos(3), qpos(3))
+    assert not np.array_equal(qpos(3), qpos(4))
 
 
-class TestFaults:
-    def test_a_bus_too_small_for_its_motors_overflows_into_an_emergency_stop(self, go1: Robot) -> None:
-        trace = run_episode(go1, Hold(go1), short_episode(config=DeployConfig(host_queue=2)))
-        assert trace.final_state == "ESTOP"
-        assert "bus overflow" in trace.faults[0]
+def test_a_tilt_past_the_limit_is_seen_by_the_imu_and_damped(go1: Robot) -> None:
+    modes: list[Mode] = []
+
+    def topple(loop: ControlLoop, body: SimulatedRobot) -> None:
+        modes.append(loop.state.mode)
+        if modes.count(Mode.WALKING) >= 100 and loop.state.mode is Mode.WALKING:
+            body.data.qvel[3] = 8.0  # roll over
+
+    trace = run_episode(go1, Hold(go1), short_episode(duration_s=3.0), topple)
+    assert trace.final_state == "FALLING"
+    assert trace.fell
+    assert "tilt" in trace.faults[0]
+    assert modes[-1] is Mode.FALLING
+
+
+def test_a_bus_too_small_for_its_motors_overflows_into_an_emergency_stop(go1: Robot) -> None:
+    trace = run_episode(go1, Hold(go1), short_episode(config=DeployConfig(host_queue=2)))
+    assert trace.final_state == "ESTOP"
+    assert "bus overflow" in trace.faults[0]

@@ -101,26 +101,23 @@ def test_in_flight_no_foot_stands_and_the_imu_carries_on() -> None:
     assert deviation[off + 40] > 1.01 * deviation[off - 20]
 
 
-class TestAgainstTheTruth:
-    """On a simulated robot with noisy readings."""
-
-    @pytest.mark.parametrize("kind", ["planned", "unplanned"])
-    def test_the_estimate_follows_the_motion(self, walks: dict[str, Follower], kind: str) -> None:
-        """It drifts by less than a fiftieth of the way; the velocity and the yaw follow."""
-        follower = walks[kind]
-        steps = np.diff(np.array(follower.truth)[:, :2], axis=0)
-        way = np.linalg.norm(steps, axis=1).sum()
-        assert way > 0.9
-        error = follower.errors()
-        assert np.linalg.norm(error[-1, :2]) < 0.02 * way
-        assert np.abs(error[:, 2]).max() < 0.01
-        error = error[500:, 3:]
-        assert np.sqrt((error[:, :2] ** 2).mean(axis=0)).max() < 0.015
-        assert np.abs(error.mean(axis=0))[:2].max() < 0.005
-        assert np.sqrt((error[:, 2] ** 2).mean()) < 0.03
-        yaw = float(heading(follower.plant.data.qpos[3:7]))
-        assert yaw > 0.8
-        assert follower.poses[-1].yaw == pytest.approx(yaw, abs=0.03)
+@pytest.mark.parametrize("kind", ["planned", "unplanned"])
+def test_the_estimate_follows_the_motion(walks: dict[str, Follower], kind: str) -> None:
+    """It drifts by less than a fiftieth of the way; the velocity and the yaw follow."""
+    follower = walks[kind]
+    steps = np.diff(np.array(follower.truth)[:, :2], axis=0)
+    way = np.linalg.norm(steps, axis=1).sum()
+    assert way > 0.9
+    error = follower.errors()
+    assert np.linalg.norm(error[-1, :2]) < 0.02 * way
+    assert np.abs(error[:, 2]).max() < 0.01
+    error = error[500:, 3:]
+    assert np.sqrt((error[:, :2] ** 2).mean(axis=0)).max() < 0.015
+    assert np.abs(error.mean(axis=0))[:2].max() < 0.005
+    assert np.sqrt((error[:, 2] ** 2).mean()) < 0.03
+    yaw = float(heading(follower.plant.data.qpos[3:7]))
+    assert yaw > 0.8
+    assert follower.poses[-1].yaw == pytest.approx(yaw, abs=0.03)
 
 
 # -- readings made by hand ---------------------------------------------------------------------------
@@ -256,20 +253,19 @@ class TestHeight:
         assert (estimator.odometry().covariance[2, 2] < 1e-4) == level
 
 
-class TestReadings:
-    def test_a_sole_that_tips_over_its_toes_carries_the_base_forward(self, tmp_path: Path) -> None:
-        """Base and foot rotate together about the toes: joints rest, and the base moves at w x r."""
-        robot = bodies(tmp_path)["six hinges and soles"]
-        pitch, rate = 0.15, 0.6
-        turn = np.array([np.cos(pitch / 2), 0.0, np.sin(pitch / 2), 0.0])
-        up = np.array([-np.sin(pitch), 0.0, np.cos(pitch)])
-        sensed = held(robot)._replace(gyro=np.array([0.0, rate, 0.0]), quaternion=turn)
-        sensed = sensed._replace(acceleration=9.81 * up)
-        estimator = BaseEstimator(robot, EstimatorConfig(gyro=SURE_OF_THE_GYRO))
-        estimator.reset(sensed)
-        for _ in range(500):
-            found, _ = estimator.update(sensed, None, 0.002)
-        feet = robot.legs.default_foot
-        toes = np.array([feet[0] + [0.07, 0.0, 0.0] - 0.012 * up, feet[1] + [0.09, 0.0, -0.01]])
-        expected = np.cross([0.0, rate, 0.0], -toes.mean(axis=0))
-        np.testing.assert_allclose(found, expected, atol=0.01)
+def test_a_sole_that_tips_over_its_toes_carries_the_base_forward(tmp_path: Path) -> None:
+    """Base and foot rotate together about the toes: joints rest, and the base moves at w x r."""
+    robot = bodies(tmp_path)["six hinges and soles"]
+    pitch, rate = 0.15, 0.6
+    turn = np.array([np.cos(pitch / 2), 0.0, np.sin(pitch / 2), 0.0])
+    up = np.array([-np.sin(pitch), 0.0, np.cos(pitch)])
+    sensed = held(robot)._replace(gyro=np.array([0.0, rate, 0.0]), quaternion=turn)
+    sensed = sensed._replace(acceleration=9.81 * up)
+    estimator = BaseEstimator(robot, EstimatorConfig(gyro=SURE_OF_THE_GYRO))
+    estimator.reset(sensed)
+    for _ in range(500):
+        found, _ = estimator.update(sensed, None, 0.002)
+    feet = robot.legs.default_foot
+    toes = np.array([feet[0] + [0.07, 0.0, 0.0] - 0.012 * up, feet[1] + [0.09, 0.0, -0.01]])
+    expected = np.cross([0.0, rate, 0.0], -toes.mean(axis=0))
+    np.testing.assert_allclose(found, expected, atol=0.01)

@@ -39,43 +39,41 @@ def sleep(_: JointCommand) -> JointCommand:
     raise AssertionError
 
 
-class TestHungPolicy:
-    @pytest.mark.parametrize("hang", [spin, sleep])
-    def test_a_hanging_call_is_interrupted_at_its_deadline(
-        self, go1: Robot, hang: Callable[[JointCommand], JointCommand]
-    ) -> None:
-        simulation, began = Simulation(go1), time.monotonic()
-        outcome = run_session(
-            go1, FailingPolicy(go1, 0.2, hang), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
-        )
-        assert outcome.final_state == "ESTOP"
-        assert outcome.faults == ("the policy ran late: no decision within 300 ms",)
-        assert time.monotonic() - began < 30.0
-        assert not simulation.body.motors_on.any()
+@pytest.mark.parametrize("hang", [spin, sleep])
+def test_a_hanging_call_is_interrupted_at_its_deadline(
+    go1: Robot, hang: Callable[[JointCommand], JointCommand]
+) -> None:
+    simulation, began = Simulation(go1), time.monotonic()
+    outcome = run_session(
+        go1, FailingPolicy(go1, 0.2, hang), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
+    )
+    assert outcome.final_state == "ESTOP"
+    assert outcome.faults == ("the policy ran late: no decision within 300 ms",)
+    assert time.monotonic() - began < 30.0
+    assert not simulation.body.motors_on.any()
 
 
-class TestDeadline:
-    def test_only_a_call_in_the_main_thread_is_interrupted(self) -> None:
-        before, found = signal.getsignal(signal.SIGALRM), []
+def test_only_a_call_in_the_main_thread_is_interrupted() -> None:
+    before, found = signal.getsignal(signal.SIGALRM), []
+    with deadlines() as arm:
+        arm(0.02)
+        with pytest.raises(OverdueError):
+            time.sleep(30.0)
+        arm(0.3)
+        arm(0.0)
+        time.sleep(0.4)
+    assert signal.getsignal(signal.SIGALRM) is before
+
+    def elsewhere() -> None:
         with deadlines() as arm:
-            arm(0.02)
-            with pytest.raises(OverdueError):
-                time.sleep(30.0)
-            arm(0.3)
-            arm(0.0)
-            time.sleep(0.4)
-        assert signal.getsignal(signal.SIGALRM) is before
+            arm(0.01)
+            time.sleep(0.03)
+            found.append(True)
 
-        def elsewhere() -> None:
-            with deadlines() as arm:
-                arm(0.01)
-                time.sleep(0.03)
-                found.append(True)
-
-        thread = threading.Thread(target=elsewhere)
-        thread.start()
-        thread.join()
-        assert found == [True]
+    thread = threading.Thread(target=elsewhere)
+    thread.start()
+    thread.join()
+    assert found == [True]
 
 
 class TestGuard:

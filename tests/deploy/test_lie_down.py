@@ -77,13 +77,12 @@ def run(robot: Robot, policy: Policy, note: Notebook | None = None, **changes: o
     return run_episode(robot, policy, short_episode(**settings), note)
 
 
-class TestPath:
-    def test_a_paths_duration_is_that_of_the_longest_travel(self) -> None:
-        """One radian at pi/2 rad/s in the middle of the path, which is 1 rad/s on average."""
-        path = PosePath([np.array([0.0, 0.0]), np.array([0.25, 1.0])], [np.pi / 2])
-        assert path.duration_s == pytest.approx(1.0)
-        np.testing.assert_allclose(path.at(0.5), [0.125, 0.5])
-        assert (path.at(0.501) - path.at(0.499))[1] / 0.002 == pytest.approx(np.pi / 2, rel=1e-4)
+def test_a_paths_duration_is_that_of_the_longest_travel() -> None:
+    """One radian at pi/2 rad/s in the middle of the path, which is 1 rad/s on average."""
+    path = PosePath([np.array([0.0, 0.0]), np.array([0.25, 1.0])], [np.pi / 2])
+    assert path.duration_s == pytest.approx(1.0)
+    np.testing.assert_allclose(path.at(0.5), [0.125, 0.5])
+    assert (path.at(0.501) - path.at(0.499))[1] / 0.002 == pytest.approx(np.pi / 2, rel=1e-4)
 
 
 class TestPostures:

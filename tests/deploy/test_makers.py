@@ -118,18 +118,17 @@ class TestSettings:
         assert message in driver.not_ready()
 
 
-class TestRobots:
-    @pytest.mark.parametrize("maker", ["Damiao", "RobStride", "ODrive"])
-    def test_a_rebooted_motor_is_a_fault(self, go1: Robot, maker: str) -> None:
-        robot, joint = with_motors(go1, **MAKERS[maker]), 8
+@pytest.mark.parametrize("maker", ["Damiao", "RobStride", "ODrive"])
+def test_a_rebooted_motor_is_a_fault(go1: Robot, maker: str) -> None:
+    robot, joint = with_motors(go1, **MAKERS[maker]), 8
 
-        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.walking and 0.1 < loop.walking_s < 0.1021:
-                body.reboot(np.array([joint]))
+    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+        if loop.walking and 0.1 < loop.walking_s < 0.1021:
+            body.reboot(np.array([joint]))
 
-        trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.6), watch)
-        assert trace.faults == (f"motor {wiring_of(robot).label(joint)} reports that it is disabled",)
-        assert maker == "ODrive" or trace.walked_s < 0.12  # an axis reports it with its next heartbeat
+    trace = run_episode(robot, Hold(robot), short_episode(duration_s=0.6), watch)
+    assert trace.faults == (f"motor {wiring_of(robot).label(joint)} reports that it is disabled",)
+    assert maker == "ODrive" or trace.walked_s < 0.12  # an axis reports it with its next heartbeat
 
 
 IDENTIFIERS = [

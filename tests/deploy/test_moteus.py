@@ -111,37 +111,35 @@ class TestFrames:
         assert not open_driver(TWO).replies(reply(content)).values.size
 
 
-class TestMotors:
-    def test_a_silent_host_stops_them_until_they_are_stopped(self, go1: Robot) -> None:
-        """Commands contain a time-out of 100 ms. A motor that has timed out stays off until it is stopped."""
-        driver, end = open_driver(TWO), open_motor_end(TWO)
-        figures = {name: value[:2] for name, value in go1.motor._asdict().items() if value is not None}
-        motor = go1.motor._replace(**figures)
-        motors = SimulatedMotors(end, motor, 2, {}, step_s=0.001, timeout_s=60.0)
-        still, on = np.zeros(2), []
-        motors.answer(0, driver.enable(), np.zeros((3, 2)))
-        for step in range(1, 121):
-            motors.torque(step, still, still)
-            on.append(bool(motors.enabled.all()))
-        assert (on[:100], on[105:]) == ([True] * 100, [False] * 15)
-        answer = motors.answer(121, driver.enable(), np.zeros((3, 2)))
-        assert answer is not None
-        assert not motors.enabled.any()
-        assert driver.error_name(int(driver.replies(answer).error[0])) == "that it has timed out"
-        motors.answer(122, driver.disable(), np.zeros((3, 2)))
-        motors.answer(123, driver.enable(), np.zeros((3, 2)))
-        assert motors.enabled.all()
+def test_a_silent_host_stops_them_until_they_are_stopped(go1: Robot) -> None:
+    """Commands contain a time-out of 100 ms. A motor that has timed out stays off until it is stopped."""
+    driver, end = open_driver(TWO), open_motor_end(TWO)
+    figures = {name: value[:2] for name, value in go1.motor._asdict().items() if value is not None}
+    motor = go1.motor._replace(**figures)
+    motors = SimulatedMotors(end, motor, 2, {}, step_s=0.001, timeout_s=60.0)
+    still, on = np.zeros(2), []
+    motors.answer(0, driver.enable(), np.zeros((3, 2)))
+    for step in range(1, 121):
+        motors.torque(step, still, still)
+        on.append(bool(motors.enabled.all()))
+    assert (on[:100], on[105:]) == ([True] * 100, [False] * 15)
+    answer = motors.answer(121, driver.enable(), np.zeros((3, 2)))
+    assert answer is not None
+    assert not motors.enabled.any()
+    assert driver.error_name(int(driver.replies(answer).error[0])) == "that it has timed out"
+    motors.answer(122, driver.disable(), np.zeros((3, 2)))
+    motors.answer(123, driver.enable(), np.zeros((3, 2)))
+    assert motors.enabled.all()
 
 
-class TestBuses:
-    def test_a_log_has_can_fd_frames_in_candumps_format(self, go1: Robot, tmp_path: Path) -> None:
-        robot: Any = with_motors(go1, hip="moteus", knee="moteus")
-        episode = short_episode(duration_s=0.1, log=tmp_path / "a.mcap", log_frames=True)
-        run_episode(robot, Hold(robot), episode)
-        text = StringIO()
-        count = write_candump(tmp_path / "a.mcap", text)
-        lines = text.getvalue().splitlines()
-        assert count == len(lines)
-        assert sum("0000FD01##" in line for line in lines) > 100
-        assert any(" 300#" in line for line in lines)
-        assert any(" 17D##" in line for line in lines)
+def test_a_log_has_can_fd_frames_in_candumps_format(go1: Robot, tmp_path: Path) -> None:
+    robot: Any = with_motors(go1, hip="moteus", knee="moteus")
+    episode = short_episode(duration_s=0.1, log=tmp_path / "a.mcap", log_frames=True)
+    run_episode(robot, Hold(robot), episode)
+    text = StringIO()
+    count = write_candump(tmp_path / "a.mcap", text)
+    lines = text.getvalue().splitlines()
+    assert count == len(lines)
+    assert sum("0000FD01##" in line for line in lines) > 100
+    assert any(" 300#" in line for line in lines)
+    assert any(" 17D##" in line for line in lines)

@@ -119,34 +119,30 @@ class TestTimes:
                 runner_of(policy)
 
 
-class TestLateness:
-    @pytest.mark.parametrize(
-        ("pattern", "most"), [("L.", 1), ("LLLL.", 4), ("LLLLL", 15)], ids=["one", "four", "all"]
-    )
-    def test_late_steps_count_in_a_row(self, go1: Robot, watch: Stopwatch, pattern: str, most: int) -> None:
-        """At 50 Hz a step of 21 ms is late."""
-        runner = runner_of(
-            SlowSteps(go1, watch, *(0.021 if c == "L" else 0.019 for c in pattern)), realtime=True
-        )
-        counts = []
-        runner.start(0)
-        for now_us in range(0, 300_000, 20_000):
-            step(runner, now_us)
-            counts.append(runner.signals.late_steps)
-        assert max(counts) == most
+@pytest.mark.parametrize(
+    ("pattern", "most"), [("L.", 1), ("LLLL.", 4), ("LLLLL", 15)], ids=["one", "four", "all"]
+)
+def test_late_steps_count_in_a_row(go1: Robot, watch: Stopwatch, pattern: str, most: int) -> None:
+    """At 50 Hz a step of 21 ms is late."""
+    runner = runner_of(SlowSteps(go1, watch, *(0.021 if c == "L" else 0.019 for c in pattern)), realtime=True)
+    counts = []
+    runner.start(0)
+    for now_us in range(0, 300_000, 20_000):
+        step(runner, now_us)
+        counts.append(runner.signals.late_steps)
+    assert max(counts) == most
 
 
-class TestInputs:
-    def test_a_policy_gets_the_command_of_its_time_and_zero_while_stopping(self, go1: Robot) -> None:
-        policy = Hold(go1)
-        walk(runner_of(policy, lambda t: np.array([t, 2 * t, 0.0])), range(50_000, 120_000, TICK_US))
-        commands = np.array([seen.command for seen in policy.seen])
-        np.testing.assert_allclose(commands[:, 0], [0.0, 0.02, 0.04, 0.06], atol=1e-9)
-        np.testing.assert_allclose(commands[:, 1], 2 * commands[:, 0])
-        assert (policy.seen[0].base_velocity, policy.seen[0].base_height) == ESTIMATE
-        policy = Hold(go1)
-        walk(runner_of(policy, lambda _: np.ones(3)), [0], walking=False)
-        assert policy.seen[0].command.tolist() == [0.0, 0.0, 0.0]
+def test_a_policy_gets_the_command_of_its_time_and_zero_while_stopping(go1: Robot) -> None:
+    policy = Hold(go1)
+    walk(runner_of(policy, lambda t: np.array([t, 2 * t, 0.0])), range(50_000, 120_000, TICK_US))
+    commands = np.array([seen.command for seen in policy.seen])
+    np.testing.assert_allclose(commands[:, 0], [0.0, 0.02, 0.04, 0.06], atol=1e-9)
+    np.testing.assert_allclose(commands[:, 1], 2 * commands[:, 0])
+    assert (policy.seen[0].base_velocity, policy.seen[0].base_height) == ESTIMATE
+    policy = Hold(go1)
+    walk(runner_of(policy, lambda _: np.ones(3)), [0], walking=False)
+    assert policy.seen[0].command.tolist() == [0.0, 0.0, 0.0]
 
 
 class TestFailure:

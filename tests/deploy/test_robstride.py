@@ -88,12 +88,11 @@ class TestFrames:
         assert passes == [True] * 3 + [False] * 2
 
 
-class TestParameters:
-    def test_a_question_and_its_answer(self) -> None:
-        assert hexed(RobstrideDriver(TWO).query_settings())[0] == ("1100fd07", "0570 0000 0000 0000")
-        answer = RobstrideMotorEnd(TWO).settings_replies(frame(0x1100FD07, "2870 0000 0000 0000"))
-        assert answer is not None
-        assert hexed(answer) == [("110007fd", "2870 0000 d007 0000")]  # 2000
+def test_a_question_and_its_answer() -> None:
+    assert hexed(RobstrideDriver(TWO).query_settings())[0] == ("1100fd07", "0570 0000 0000 0000")
+    answer = RobstrideMotorEnd(TWO).settings_replies(frame(0x1100FD07, "2870 0000 0000 0000"))
+    assert answer is not None
+    assert hexed(answer) == [("110007fd", "2870 0000 d007 0000")]  # 2000
 
 
 def test_simulated_motors_keep_their_faults_when_they_are_stopped(driver: RobstrideDriver) -> None:

@@ -36,15 +36,14 @@ def about(axis: str, angle_rad: float) -> tuple[float, float, float, float]:
     return tuple(ScipyRotation.from_euler(axis, angle_rad).as_quat(scalar_first=True).tolist())
 
 
-class TestRotation:
-    def test_the_difference_to_the_gyro_adds_up_and_fades(self, go1: Robot) -> None:
-        """A turn of 0.05 rad at once, and a gyro that reports 0.5 rad/s about another axis ever since."""
-        windows = BodyWindows(go1, Rotation)
-        reading = Inertial((0.0, 0.5, 0.0), (0.0, 0.0, 9.81), about("x", 0.05))
-        assert windows.update(reading) == pytest.approx(math.hypot(0.05, 0.01), abs=1e-4)
-        kept = math.exp(-0.04 / 0.25)
-        expected = math.hypot(kept * 0.05, kept * 0.01 + 0.02)
-        assert windows.update(reading) == pytest.approx(expected, abs=1e-4)
+def test_the_difference_to_the_gyro_adds_up_and_fades(go1: Robot) -> None:
+    """A turn of 0.05 rad at once, and a gyro that reports 0.5 rad/s about another axis ever since."""
+    windows = BodyWindows(go1, Rotation)
+    reading = Inertial((0.0, 0.5, 0.0), (0.0, 0.0, 9.81), about("x", 0.05))
+    assert windows.update(reading) == pytest.approx(math.hypot(0.05, 0.01), abs=1e-4)
+    kept = math.exp(-0.04 / 0.25)
+    expected = math.hypot(kept * 0.05, kept * 0.01 + 0.02)
+    assert windows.update(reading) == pytest.approx(expected, abs=1e-4)
 
 
 class TestRepeated:
@@ -101,34 +100,31 @@ class TestGravity:
         assert errors == pytest.approx([0.0] * 7 + [expected])
 
 
-class TestSunk:
-    """Lost share of the base's clearance: by the legs, the IMU, and the lowest corner of the base."""
-
-    @pytest.mark.parametrize("name", available_robots())
-    def test_a_level_robot_has_sunk_before_a_simulator_calls_it_fallen(self, name: str) -> None:
-        """Otherwise a run could end in an orderly way after a fall that the robot did not notice."""
-        robot = load_robot(name)
-        squat = {
-            "hip_pitch": -1.9,
-            "knee": 2.8,
-            "ankle_pitch": -0.9,
-        }  # of a biped with its knees at their limit
-        folded = robot.lying_pose
-        if folded is None:
-            folded = np.array(
-                [
-                    next((rad for part, rad in squat.items() if part in joint), default)
-                    for joint, default in zip(robot.joint_names, robot.default_pose, strict=True)
-                ]
-            )
-
-        def pose(share: float) -> np.ndarray:
-            return robot.default_pose + share * (folded - robot.default_pose)
-
-        least = COLLAPSED_SHARE * robot.description.standing_height_m
-        share = next(
-            share
-            for share in np.linspace(0.0, 1.0, 1001)
-            if -robot.legs.pose(pose(share)).foot[:, 2].min() < least  # as the simulator measures it
+@pytest.mark.parametrize("name", available_robots())
+def test_a_level_robot_has_sunk_before_a_simulator_calls_it_fallen(name: str) -> None:
+    """Otherwise a run could end in an orderly way after a fall that the robot did not notice."""
+    robot = load_robot(name)
+    squat = {
+        "hip_pitch": -1.9,
+        "knee": 2.8,
+        "ankle_pitch": -0.9,
+    }  # of a biped with its knees at their limit
+    folded = robot.lying_pose
+    if folded is None:
+        folded = np.array(
+            [
+                next((rad for part, rad in squat.items() if part in joint), default)
+                for joint, default in zip(robot.joint_names, robot.default_pose, strict=True)
+            ]
         )
-        assert Clearance(robot).sunk_share(pose(share), LEVEL) > deploy_config(robot).safety.sensors.sunk
+
+    def pose(share: float) -> np.ndarray:
+        return robot.default_pose + share * (folded - robot.default_pose)
+
+    least = COLLAPSED_SHARE * robot.description.standing_height_m
+    share = next(
+        share
+        for share in np.linspace(0.0, 1.0, 1001)
+        if -robot.legs.pose(pose(share)).foot[:, 2].min() < least  # as the simulator measures it
+    )
+    assert Clearance(robot).sunk_share(pose(share), LEVEL) > deploy_config(robot).safety.sensors.sunk

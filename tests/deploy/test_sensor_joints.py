@@ -85,24 +85,21 @@ class TestWander:
         assert drift > LIMITS.drift_rad
 
 
-class TestStuck:
-    """A position or a velocity equal to the previous one to the last digit, while the other one changes."""
+@pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
+def test_a_stuck_reading_is_noticed_early(go1: Robot, reading: tuple[float, float]) -> None:
+    """0.2 rad/s: 0.0044 rad in the first window, 0.008 in others, which fade; 7 ms of it pass."""
+    position, velocity = reading
 
-    @pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
-    def test_a_stuck_reading_is_noticed_early(self, go1: Robot, reading: tuple[float, float]) -> None:
-        """0.2 rad/s: 0.0044 rad in the first window, 0.008 in others, which fade; 7 ms of it pass."""
-        position, velocity = reading
+    def read(time_s: float) -> tuple[float, float]:
+        return (position if velocity else 0.2 * time_s), velocity
 
-        def read(time_s: float) -> tuple[float, float]:
-            return (position if velocity else 0.2 * time_s), velocity
-
-        stuck, wander = (measured(go1, check, read, samples=30) for check in (Stuck, Wander))
-        kept = math.exp(-0.04 / LIMITS.drift_memory_s)
-        error = 0.0044 * kept**2 + 0.008 * kept + 0.008
-        assert stuck[0] == pytest.approx(error - 0.007 * velocity, abs=1e-4)
-        assert stuck[0] > LIMITS.stuck_rad
-        assert wander[0] < LIMITS.wander_rad
-        assert (stuck[1:] == 0.0).all()
+    stuck, wander = (measured(go1, check, read, samples=30) for check in (Stuck, Wander))
+    kept = math.exp(-0.04 / LIMITS.drift_memory_s)
+    error = 0.0044 * kept**2 + 0.008 * kept + 0.008
+    assert stuck[0] == pytest.approx(error - 0.007 * velocity, abs=1e-4)
+    assert stuck[0] > LIMITS.stuck_rad
+    assert wander[0] < LIMITS.wander_rad
+    assert (stuck[1:] == 0.0).all()
 
 
 class TestTorqueStuck:
@@ -195,18 +192,15 @@ class TestOpposing:
         assert found[0] == pytest.approx(0.04, rel=0.05)
 
 
-class TestLimp:
-    @pytest.mark.parametrize(
-        ("reported", "expected", "limp_s"),
-        [(0.01, 0.5, 0.2), (0.01, 0.045, 0.1), (0.03, 0.5, 0.0), (0.0, 0.03, 0.0)],
-    )
-    def test_the_time_of_a_limp_motor(
-        self, go1: Robot, reported: float, expected: float, limp_s: float
-    ) -> None:
-        """Shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
-        peak = float(go1.motor.peak_torque[0])
-        found = measured(go1, Limp, torque=lambda _: (reported * peak, expected * peak), samples=50)
-        assert found[0] == pytest.approx(limp_s, abs=1e-12)
+@pytest.mark.parametrize(
+    ("reported", "expected", "limp_s"),
+    [(0.01, 0.5, 0.2), (0.01, 0.045, 0.1), (0.03, 0.5, 0.0), (0.0, 0.03, 0.0)],
+)
+def test_the_time_of_a_limp_motor(go1: Robot, reported: float, expected: float, limp_s: float) -> None:
+    """Shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
+    peak = float(go1.motor.peak_torque[0])
+    found = measured(go1, Limp, torque=lambda _: (reported * peak, expected * peak), samples=50)
+    assert found[0] == pytest.approx(limp_s, abs=1e-12)
 
 
 class TestReplyRepeated:

@@ -111,17 +111,14 @@ class Twitch(JointCheck):
         return self.sum
 
 
-class TestAdding:
-    """A check is a class and a row of a list."""
-
-    def test_a_made_up_check_is_judged_and_reset(self, go1: Robot) -> None:
-        moving = np.array([go1.default_pose, ZEROS + 1.0 * (np.arange(12) == CALF), ZEROS])
-        monitor = monitor_of(go1, joint_checks=(*JOINT_CHECKS, Twitch))
-        assert window(monitor, moving) is None
-        twitches = Implausible("FR_calf_joint (can0, id 3): twitches by 2.0 rad/s", Mode.FALLING)
-        assert window(monitor, moving, number=1) == twitches
-        monitor.begin(20 * SAMPLE_US, np.full(12, 20 * SAMPLE_US), STILL, moving, moving[0])
-        assert window(monitor, moving, number=2) is None
+def test_a_made_up_check_is_judged_and_reset(go1: Robot) -> None:
+    moving = np.array([go1.default_pose, ZEROS + 1.0 * (np.arange(12) == CALF), ZEROS])
+    monitor = monitor_of(go1, joint_checks=(*JOINT_CHECKS, Twitch))
+    assert window(monitor, moving) is None
+    twitches = Implausible("FR_calf_joint (can0, id 3): twitches by 2.0 rad/s", Mode.FALLING)
+    assert window(monitor, moving, number=1) == twitches
+    monitor.begin(20 * SAMPLE_US, np.full(12, 20 * SAMPLE_US), STILL, moving, moving[0])
+    assert window(monitor, moving, number=2) is None
 
 
 class Seen(BodyCheck):
@@ -141,12 +138,11 @@ def seen(monkeypatch: pytest.MonkeyPatch) -> list:
     return Seen.windows
 
 
-class TestWindows:
-    @pytest.mark.parametrize(
-        ("period_s", "silence_us", "compared"),
-        [(0.04, 20_000, True), (0.04, 20_001, False), (0.004, 6000, True), (0.004, 6001, False)],
-    )
-    def test_a_gap_of_half_or_1_5_periods(self, period_s: float, silence_us: int, compared: bool) -> None:
-        windows = JointWindows(12, period_s, 0.002)
-        windows.add(SAMPLE_US, silence_us, np.full(12, SAMPLE_US), STILL, np.zeros((3, 12)), ZEROS)
-        assert (windows.close(ZEROS, ZEROS, ZEROS, ZEROS) is not None) is compared
+@pytest.mark.parametrize(
+    ("period_s", "silence_us", "compared"),
+    [(0.04, 20_000, True), (0.04, 20_001, False), (0.004, 6000, True), (0.004, 6001, False)],
+)
+def test_a_gap_of_half_or_1_5_periods(period_s: float, silence_us: int, compared: bool) -> None:
+    windows = JointWindows(12, period_s, 0.002)
+    windows.add(SAMPLE_US, silence_us, np.full(12, SAMPLE_US), STILL, np.zeros((3, 12)), ZEROS)
+    assert (windows.close(ZEROS, ZEROS, ZEROS, ZEROS) is not None) is compared

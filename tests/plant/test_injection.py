@@ -44,6 +44,12 @@ def numbers(batches: list[Frames]) -> list[int]:
 
 
 class TestFrames:
+    def test_a_delayed_frame_arrives_once_with_a_later_time(self) -> None:
+        hold = late(3000)
+        came = [hold([batch(n, 1000 * n)] if n < 3 else [], 1000 * n) for n in range(7)]
+        assert [numbers(each) for each in came] == [[], [], [], [0], [1], [2], []]
+        assert [float(each[0].time_us[0]) for each in came[3:6]] == [3000.0, 4000.0, 5000.0]  # type: ignore[index]
+
     def test_only_the_selected_frames_are_late(self) -> None:
         hold = late(3000, from_imu)
         assert numbers(hold([of_imu(), batch(9)], 0)) == [9]

@@ -206,6 +206,12 @@ class TestFaults:
         assert [batch.channel.tolist() for batch in wires.receive(Side.HOST, 1000)] == [[0]]
         assert wires.fault().startswith("bus b is error-passive")
 
+    @pytest.mark.parametrize("name", ["lost", "corrupted", "destroyed"])
+    @pytest.mark.parametrize("share", [-0.1, 1.0, math.nan])
+    def test_a_share_is_a_share(self, name: str, share: float) -> None:
+        with pytest.raises(ValueError, match=f"{name} is"):
+            WireFaults(**{name: share})
+
 
 def test_a_robot_with_a_loose_cable_is_stopped_with_the_reason(go1: Robot) -> None:
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
