@@ -47,7 +47,7 @@ class FakeCan:
             queue = self.waiting.get(index, [])
             found = queue.pop(0) if queue else None
             if found == "failure":
-                raise OSError
+                raise ValueError  # a foreign datagram
             return found
 
         bus.send, bus.recv = send, recv

@@ -1,27 +1,18 @@
 """Runs that keep to the wall clock: on the simulated bus, and on python-can's buses without hardware."""
 
 import signal
-import socket
-import time
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import msgpack
 import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, short_episode, slow, stand_still
-from multicast import alone_on_multicast, robot_on_multicast
+from multicast import robot_on_multicast
 from relaxed_limits import RELAXED
 
-from footfall.deploy.drivers.imu import ImuReader
-from footfall.deploy.drivers.mit_driver import MitDriver
-from footfall.deploy.frames import Frames
-from footfall.deploy.python_can_bus import MULTICAST_GROUP, MULTICAST_PORT, PythonCanBus
 from footfall.deploy.session import Session, run_on_interface
 from footfall.plant.episode import run_episode
-from footfall.plant.motor_ends.mit import MitMotorEnd
 from footfall.plant.robot import PlantConfig
 from footfall.plant.serve import serving
 from footfall.robots.actuator import JointCommand
@@ -65,72 +56,7 @@ class TestSimulatedBus:
         assert trace.walked_s < 20.0
 
 
-def frames(*rows: tuple[int, int, bytes]) -> Frames:
-    data = b"".join(content.ljust(8, b"\0") for _, _, content in rows)
-    return Frames(
-        np.array([channel for channel, _, _ in rows]),
-        np.array([identifier for _, identifier, _ in rows]),
-        np.frombuffer(data, dtype=np.uint8).reshape(-1, 8),
-        np.array([len(content) for _, _, content in rows]),
-    )
-
-
-FIELDS = {"arbitration_id": 0x101, "is_extended_id": False, "dlc": 0, "data": b"", "is_fd": False}
-NO_FRAMES = (
-    b"",
-    b"\xc1",
-    msgpack.packb([1, 2]),
-    msgpack.packb({"a key that no frame has": 1}),
-    msgpack.packb(FIELDS | {"arbitration_id": "text"}),
-    msgpack.packb(FIELDS | {"arbitration_id": 257.5}),
-    msgpack.packb(FIELDS | {"arbitration_id": -1}),
-    msgpack.packb(FIELDS | {"data": {"a": 1}}),
-)
-
-
-def send_datagram(content: bytes) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.sendto(content, (MULTICAST_GROUP, MULTICAST_PORT))
-
-
-def first_batches(bus: PythonCanBus) -> list[Frames]:
-    """The first batches; waits until a busy machine delivers them."""
-    end_s = time.monotonic() + 20.0
-    while not (batches := bus.receive(0)) and time.monotonic() < end_s:
-        time.sleep(0.001)
-    return batches
-
-
-@pytest.fixture
-def alone() -> Iterator[None]:
-    with alone_on_multicast():
-        yield
-
-
 class TestPythonCan:
-    @pytest.mark.usefixtures("alone")
-    @pytest.mark.parametrize("interface", ["virtual", "udp_multicast"])
-    def test_readings_are_of_this_tick_on_a_busy_bus(self, interface: str) -> None:
-        """Per tick three commands, which multicast echoes, five foreign frames, no frames, and one reply."""
-        names = ("fresh0",)
-        controller, robot = (
-            PythonCanBus(interface, names, filters)
-            for filters in ((*MitDriver.filters, *ImuReader.filters), MitMotorEnd.filters)
-        )
-        try:
-            for tick in range(60):
-                controller.send(frames(*[(0, 1 + motor, b"command.") for motor in range(3)]), 0)
-                robot.send(frames(*[(0, 0x500 + node, b"foreign.") for node in range(5)]), 0)
-                if interface == "udp_multicast":
-                    for datagram in NO_FRAMES:
-                        send_datagram(datagram)
-                robot.send(frames((0, 0x101, bytes([1, tick]))), 0)
-                batches = first_batches(controller)
-                assert [batch.data[:, 1].tolist() for batch in batches] == [[tick]]
-        finally:
-            controller.close()
-            robot.close()
-
     def test_the_robot_walks_over_a_virtual_bus(self, go1: Robot) -> None:
         policy = Hold(go1)
         with serving(go1, "virtual", PlantConfig(motor_timeout_s=RELAXED.motor_timeout_s)):
