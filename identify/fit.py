@@ -18,7 +18,7 @@ from footfall.identify.resampling import block_weights, refitted
 from footfall.identify.solver import solve
 from footfall.identify.windows import Windows, cut, joined
 
-MISFIT_RATIO = 2.0  # residual over noise of a wrong model; correct models had at most 1.14 in 36 fits
+MISFIT_RATIO = 2.0  # residual over noise of a wrong model; correct models had at most 1.03 in 16 fits
 MAX_NOISE = 3.0  # maximum noise of the readings assumed when unidentifiable directions are searched
 MAX_TURN_RAD_S = 0.05  # maximum angular velocity of a base that counts as fixed
 RESAMPLES = 60
