@@ -13,7 +13,7 @@ from mujoco import mjx
 
 from footfall.domain_rand.bodies import BodyMap, apply_to_model, body_map, randomised_fields
 from footfall.domain_rand.noise import Noise, biased, noisy
-from footfall.domain_rand.quantity import adds_to_base, scales_joints
+from footfall.domain_rand.quantity import scales_joints
 from footfall.domain_rand.randomisation import QUANTITIES, load_randomisation
 from footfall.domain_rand.sample import Sample, draw, randomised_command, randomised_motor, sensor_bias
 from footfall.plant.ground import replaced_by
@@ -62,10 +62,6 @@ class TestBody:
         ground = model.geom_bodyid == 0
         assert ground.sum() > 100
         assert (changed["geom_friction"][ground, 0] == 0.3).all()
-
-    def test_nominal_sample_changes_nothing(self, go1: Robot) -> None:
-        model = plant_model(go1)
-        assert randomised_fields(model, Sample(), body_map(model, go1)) == {}
 
     def test_derived_constants_follow_the_masses(self, build: Build) -> None:
         nominal, heavy = build(Sample()), build(Sample(link_mass=np.full(13, 2.0)))
@@ -178,15 +174,6 @@ class TestEveryField:
         one, two = np.array([0.1, 0.2, 0.3]), np.array([1.0, -2.0, 4.0])
         np.testing.assert_allclose(sensor_bias(Sample(gyro_bias=one, second=two), "gyro"), one + two)
         assert sensor_bias(Sample(encoder_bias=one), "gyro") is None
-
-
-def test_an_addition_to_the_base_acts_on_its_own_body() -> None:
-    where = BodyMap(base=2, contact_geoms=(), dofs=())
-    mass = adds_to_base("body_mass").change(np.array([0.0, 7.0, 5.0, 1.0]), 1.5, where)
-    np.testing.assert_array_equal(mass, [0.0, 7.0, 6.5, 1.0])
-    offset = np.array([0.1, -0.2, 0.3])
-    changed = adds_to_base("body_ipos").change(np.ones((4, 3)), offset, where)
-    np.testing.assert_allclose(changed, np.ones((4, 3)) + np.outer([0, 0, 1, 0], offset))
 
 
 class TestBodyMap:

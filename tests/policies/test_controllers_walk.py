@@ -3,13 +3,11 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 from direct_plant import DirectPlant, Walk, walk
 
-from footfall.common.errors import UserError
 from footfall.common.rotations import tilt
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.gait import GaitConfig
@@ -72,12 +70,6 @@ class TestAll:
         policy = Mpc(ROBOT)
         first, again = (go(policy, (0.4, 0.0, 0.3), 0.8) for _ in range(2))
         np.testing.assert_array_equal(first.position, again.position)
-
-    def test_a_wrong_setting_is_named(self, own_folder: Path) -> None:
-        text = (ROBOT.folder / "controllers.yaml").read_text()
-        (own_folder / "controllers.yaml").write_text(text.replace("duty: 0.55", "duty: half", 1))
-        with pytest.raises(UserError, match="duty"):
-            Trot(load_robot(own_folder))
 
 
 class TestGaits:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from made_up import PITCH, Hinge, Leg, bodies, four_hinge_leg, quadruped_leg, write_robot
+from made_up import PITCH, Hinge, Leg, bodies, quadruped_leg, write_robot
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
@@ -121,12 +121,3 @@ def test_a_leg_of_two_hinges_beside_one_of_three_moves_as_far_as_it_can(tmp_path
     moved = jacobian @ legs.joint_rates(jacobian, motion)
     np.testing.assert_allclose(moved[0], motion[0], atol=1e-3)
     np.testing.assert_allclose(moved[1, :, 0], [0.1, 0.0, 0.3], atol=1e-3)
-
-
-def test_a_limb_has_the_same_solution_with_and_without_other_limbs(tmp_path: Path) -> None:
-    """A limb's solution does not depend on which others the robot has."""
-    alone: list[Leg] = [four_hinge_leg("e", -0.02, 0.14)]
-    one = write_robot(tmp_path / "one", alone).legs
-    two = write_robot(tmp_path / "two", [quadruped_leg("a", 0.2, 0.1), *alone]).legs
-    feet = one.default_foot + np.array([0.02, -0.01, 0.03])
-    np.testing.assert_allclose(two.solve(feet, [1]), one.solve(feet), atol=1e-9)
