@@ -47,7 +47,7 @@ SUBJECTS = {  # whether all rows are tried, or the main ones
     Subject("hexapod", "hexapod-rough", "rough"): False,
     Subject("g1", "g1-rough", "g1_rough"): False,
 }
-GET_UP = {"go1": "go1-getup", "g1": "g1-getup"}  # of the robots that a push fells without a fault
+GET_UP = {"go1": "go1-getup"}  # of the robots that can get up
 POWERED = ("go1", "g1")  # robots that get a battery; the hexapod's buses are too full for ODrives
 PUSHED_OVER_M_S = 9.0  # makes a robot fall, which then gets up
 NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)
