@@ -192,3 +192,8 @@ def test_a_level_overrides_the_drawn_value() -> None:
     assert sample is not None
     assert sample["friction"] == 0.15
     assert sample.keys() > {"friction", "motor_strength"}
+
+
+def test_more_episodes_than_anyone_waits_for_are_refused() -> None:
+    with pytest.raises(UserError, match="100001 episodes of push"):
+        plan_episodes("push", FILE.scenarios["push"], 0, 100_001)
