@@ -21,13 +21,15 @@ def kind(within_s: float | None) -> TimingFault:
     [
         (0.12, {}, True),
         (0.11, {}, False),
-        (0.12, {"seconds": None}, False),  # a reaction before the fault came
+        (0.12, {"seconds": None}, False),  # a reaction before the fault occurred
         (None, {}, False),
         (None, {"fault": "", "seconds": None}, True),
         (None, {"fault": "", "seconds": None, "fell": True}, False),
     ],
 )
-def test_row_expected_if_all_are(within_s: float | None, changes: dict[str, Any], expected: bool) -> None:
+def test_a_row_is_as_expected_if_all_its_runs_are(
+    within_s: float | None, changes: dict[str, Any], expected: bool
+) -> None:
     good = {**RUN} if within_s else {**RUN, "fault": "", "seconds": None}
     assert fault_clock.as_expected(kind(within_s), [good, {**RUN, **changes}]) is expected
 
@@ -49,6 +51,6 @@ def test_a_pause_is_damped_by_the_guard_before_it_ends(monkeypatch: pytest.Monke
     pause = kind(1.0)._replace(delay=lambda: AddedDelay(in_tick_s=1.2, once=True))
     run = fault_clock.run(pause, 0, 50.0)
     assert "a guard damped the robot" in run["fault"]
-    assert 0.3 < run["seconds"] < 1.2  # 0.55 s after the beginning of a tick that pauses in its end
+    assert 0.3 < run["seconds"] < 1.2  # 0.55 s after the beginning of a tick that pauses at its end
     assert run["final_state"] == "ESTOP"
     assert np.isfinite(run["skipped_share"])

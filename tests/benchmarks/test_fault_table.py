@@ -60,7 +60,7 @@ def test_a_run_reports_faults_their_times_and_sent_commands(
     ],
 )
 def test_a_faulty_imu_or_a_wrong_posture_prevents_stiffness(kind: str, message: str) -> None:
-    """A robot at rest feels 9.81 m/s^2: 1 instead is off by 90 %."""
+    """The acceleration of a robot at rest is 9.81 m/s^2: a reading of 1 is off by 90 %."""
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", f"{kind} (at the start)", 0))
     assert message in run["fault"]
     assert not run["stiff"]
@@ -69,7 +69,7 @@ def test_a_faulty_imu_or_a_wrong_posture_prevents_stiffness(kind: str, message: 
 class TestARun:
     """Versions that the result depends on."""
 
-    def test_draws_depend_on_the_kinds_name_only(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_random_draws_depend_on_the_kinds_name_only(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """The joint with the wrong encoder is drawn; a table of one row draws the same."""
         task = FaultTask("go1", "go1-flat", "one encoder off by a turn (at the start)", 2)
         run = fault_runs.run_fault(task)
@@ -78,7 +78,7 @@ class TestARun:
         draws = {fault_runs.draws_of(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
         assert len(draws) == 4
 
-    def test_uses_the_robots_own_limits(self, go1: Robot) -> None:
+    def test_runs_use_the_robots_own_limits(self, go1: Robot) -> None:
         safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
         own = replace(go1, description=replace(go1.description, safety=safety))
         config = fault_runs.config_of(own)
@@ -99,12 +99,12 @@ def test_an_undetectable_fault_ends_in_order() -> None:
 
 
 class TestAHealthyRun:
-    """A fault in it is a false alarm, unless the robot was falling."""
+    """In a run without a fault every alarm is false, unless the robot was falling."""
 
     TASK = HealthyTask("go1", "go1-flat", "pushed", 0)
 
     def run(self, monkeypatch: pytest.MonkeyPatch, go1: Robot, push_m_s: float, **safety: Any) -> Any:
-        """A second of walking; after 0.3 s of it a push."""
+        """A second of walking, with a push after 0.3 s."""
         limited = replace(go1, description=replace(go1.description, safety=safety))
         monkeypatch.setattr(healthy_runs, "robot_of", lambda _: limited)
         monkeypatch.setattr(healthy_runs, "EPISODE_S", 1.0)
@@ -126,7 +126,7 @@ class TestAHealthyRun:
         assert (run["alarm"], run["fell"]) == ("", True)
         assert 0.3 < run["fault_s"] < run["fell_s"] < run["fault_s"] + 0.5  # 60 degrees, then 70
 
-    def test_a_later_fall_does_not_excuse_an_alarm(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
+    def test_an_alarm_before_a_fall_is_false(self, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> None:
         """The alarm comes in the first steps, the push after 0.3 s."""
         monkeypatch.setattr(healthy_runs, "FALL_S", 0.1)
         run = self.run(monkeypatch, go1, 8.0, tilt_limit_rad=0.02)

@@ -19,7 +19,7 @@ def fuzzed(model: str, known: bool = True) -> Tally:
 
 @pytest.mark.parametrize("model", fuzz_frames.MODELS)
 @pytest.mark.parametrize("known", [False, True])
-def test_nothing_escapes(model: str, known: bool) -> None:
+def test_random_frames_cause_no_error(model: str, known: bool) -> None:
     tally = fuzzed(model, known)
     assert tally.escaped == {}
     assert [ends.total() for ends in tally.ends.values()] == [len(BATCHES)] * 2
@@ -37,7 +37,7 @@ def test_a_torque_within_the_frames_range_is_compared_with_the_motors(
 @pytest.mark.parametrize(
     ("velocity", "torque", "excess"),
     [
-        (0.0, 23.7, 0.0),  # a hip's peak
+        (0.0, 23.7, 0.0),  # peak torque of a hip
         (0.0, 47.4, 1.0),
         (30.1, 23.7, None),  # faster than it can push
         (-30.1, 23.7, 0.0),  # and brakes

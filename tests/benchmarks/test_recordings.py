@@ -19,7 +19,7 @@ SWINGS = {**ak80_6.PUBLISHED, "strength_2": 0.9, "delay_1": 0.0, "delay_2": 0.00
 
 
 def test_a_rollout_of_one_window_is_delayed_and_scaled() -> None:
-    """A unit force on a unit mass from the first step on: t² / 2, later by the delay."""
+    """A unit force acts on a unit mass from the first step on: the position is t² / 2, later by the delay."""
     numbers = (double_pendulum.EFFECTS[4], double_pendulum.EFFECTS[6])  # delay_1, strength_2
     given = np.where(np.arange(120) >= 20, 1.0, 0.0)[None, :, None]
     inputs = Inputs(given, 20, 0.01, np.array([[0.0, 49.5, 100.0]]))
@@ -51,7 +51,7 @@ def made_up(path: Path, seed: int) -> None:
 
 @pytest.fixture(scope="module")
 def windows(tmp_path_factory: pytest.TempPathFactory) -> Shooting:
-    """Of two made-up recordings."""
+    """Windows of two made-up recordings."""
     folder = tmp_path_factory.mktemp("recordings")
     for seed in range(2):
         made_up(folder / f"design_A.0_{seed}.csv", seed)
@@ -67,7 +67,7 @@ def test_a_made_up_double_pendulum_is_found_and_its_motion_explained(windows: Sh
     assert ak80_6.explained(windows.errors(numbers), windows.measured).min() > 0.9995
 
 
-def test_blocks_are_held_out_once_each(windows: Shooting) -> None:
+def test_each_block_is_held_out_once(windows: Shooting) -> None:
     times = sum(ak80_6.held_out(windows, "blocks", fold).astype(int) for fold in range(ak80_6.FOLDS))
     assert (times == 1).all()
 

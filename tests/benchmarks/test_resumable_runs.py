@@ -1,4 +1,4 @@
-"""A benchmark's results are in its file, also after an interruption."""
+"""A benchmark's results are kept in its file and continued after an interruption."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What the tests of `envs` share."""
+"""Fixtures for the tests of `envs`."""
 
 from collections.abc import Iterator
 from importlib.util import find_spec

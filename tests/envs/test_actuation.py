@@ -27,9 +27,7 @@ class TestActuation:
     def test_a_goal_reaches_the_motors_when_its_delay_is_over(self, steps: float, new: list[float]) -> None:
         """In physics steps; the goal acts for the rest of the step in which it arrives."""
         default = jnp.asarray(ROBOT.default_pose, jnp.float32)
-        goals = jnp.stack(
-            [default + 1e-3, default, default]
-        )  # so near that the target's rate does not matter
+        goals = jnp.stack([default + 1e-3, default, default])  # near enough that the rate limit has no effect
         delay_s = jnp.float32(steps * CONFIG.timestep_s)
         targets = np.asarray(Actuation(ROBOT, CONFIG).targets(goals, default, {"action_delay_s": delay_s}))
         expected = ROBOT.default_pose + 1e-3 * np.array(new)[:, None]
@@ -48,7 +46,7 @@ class TestActuation:
             np.testing.assert_allclose(targets[k], expected, rtol=1e-5, atol=1e-6)
         np.testing.assert_allclose(actuation.peak_torque, ROBOT.motor.peak_torque, rtol=1e-6)
 
-    def test_a_sampled_robots_drive_is_joint_by_joint(self) -> None:
+    def test_a_sampled_robots_motors_differ_by_joint(self) -> None:
         rng = np.random.default_rng(5)
         names = ("kp", "kd", "motor_strength", "joint_friction", "joint_damping", "encoder_bias")
         sample = {name: jnp.asarray(rng.uniform(0.5, 1.5, N), jnp.float32) for name in names}
@@ -84,7 +82,7 @@ class TestActuation:
 
 
 def test_the_joint_law_of_a_physics_step_is_the_motors_on_their_own_encoders() -> None:
-    """And the added inertia is half a step of its slope in velocity, here by differences."""
+    """The added inertia is half a step times the torque's slope in the velocity, here by differences."""
     rng = np.random.default_rng(6)
     motor = jax.tree.map(lambda part: part * rng.uniform(0.5, 1.5, N), ROBOT.motor)
     motor = motor._replace(damping=rng.uniform(0.1, 0.2, N))

@@ -37,7 +37,7 @@ def test_a_base_tilted_about_all_axes_moves_as_in_mujoco() -> None:
     np.testing.assert_allclose(base.position(qpos), [1.0, 2.0, 0.4])
 
 
-def test_it_is_found_behind_other_joints(tmp_path: Path) -> None:
+def test_a_base_behind_other_joints_is_found(tmp_path: Path) -> None:
     """A robot whose free joint is the second: a flag on a hinge stands before it in the file."""
     folder = tmp_path / "flagged"
     shutil.copytree(ROBOT.folder, folder)

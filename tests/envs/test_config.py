@@ -52,7 +52,7 @@ OLD = {
     "rewards": {"track_linear": 1.5, "pose": -0.1},
     "reward_scales": {
         "linear_sigma_m2_s2": 0.5,
-        "yaw_sigma_rad2_s2": 0.3,  # of a reward that this preset does not have
+        "yaw_sigma_rad2_s2": 0.3,  # a parameter of a reward that this preset does not have
         "least": -0.5,
         "pose_shares": {"*hip*": 2.0},
     },

@@ -37,7 +37,7 @@ SPREAD = {
 
 class Rest(NamedTuple):
     qpos: Any
-    qvel: Any  # the parts of a state that a pose changes
+    qvel: Any  # the other part of a state that a pose changes
 
 
 @pytest.fixture(scope="module")
@@ -88,13 +88,15 @@ class TestDisturbances:
             ([0.0, 0.0, 0.0, 1.0, 0.0, 0.75], [0.0, 0.0, -0.4, 0.8, -0.8, 0.4]),
         ],
     )
-    def test_pushes_have_their_direction(self, begun: State, u: list[float], expected: list[float]) -> None:
+    def test_pushes_have_the_drawn_direction(
+        self, begun: State, u: list[float], expected: list[float]
+    ) -> None:
         occasion = Occasion(SCENE, True, jnp.array(u), 1.0)
         rest = begun._replace(qvel=jnp.zeros(18))
         pushed = push.change(rest, occasion, **STRONG)
         np.testing.assert_allclose(pushed.qvel[:6], expected, atol=1e-6)
 
-    def test_the_curriculum_scales_them(self, begun: State) -> None:
+    def test_the_curriculum_scales_commands_and_pushes(self, begun: State) -> None:
         curricula = (
             CurriculumConfig("linear", "commands", settings={"start": 0.5}),
             CurriculumConfig("linear", "push", settings={"start": 0.0}),
@@ -132,12 +134,12 @@ class TestResetPose:
         return np.asarray(state.qpos), np.asarray(state.qvel)
 
     def test_it_stands_on_the_ground_at_any_height(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Half a metre up where x is 0, and sloping."""
+        """The ground is half a metre high where x is 0, and slopes."""
         monkeypatch.setattr(data, "ground_height", lambda position: 0.5 + 0.1 * position[0])
         qpos, _ = self.draw(np.full(31, 0.5))
         assert qpos[2] == pytest.approx(0.5 + ROBOT.description.standing_height_m)
 
-    def test_every_number_moves_its_own_part(self) -> None:
+    def test_each_random_number_changes_one_quantity(self) -> None:
         assert reset_pose.numbers(Parts(12)) == 31
         u = np.random.default_rng(4).random(31)
         qpos, qvel = self.draw(u)
@@ -161,7 +163,7 @@ class TestSlope:
         np.testing.assert_allclose(gravity, 9.81 * np.array([0.0, np.sin(0.2), -np.cos(0.2)]), atol=1e-5)
 
     def test_sensors_refer_to_gravity(self) -> None:
-        """A robot that stands square to the ground reads the slope."""
+        """A robot whose base is parallel to the ground measures the slope."""
         events = (EventConfig("reset_pose", settings={"tilt_rad": 0.0}), EventConfig("slope"))
         observation = (ObservationConfig("gravity"),)
         env = LocomotionEnv(ROBOT, replace(SMOKE, events=events, observation=observation, noise=Noise()))

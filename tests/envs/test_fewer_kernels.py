@@ -18,7 +18,7 @@ ROBOTS = 16
 
 @pytest.fixture
 def on_a_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Traced as if for a GPU, computed by the processor."""
+    """Programs are traced as for a GPU and computed by the processor."""
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
 
 
@@ -55,7 +55,7 @@ def test_advantages_are_the_same_without_a_loop() -> None:
 
 
 @pytest.mark.usefixtures("on_a_gpu")
-def test_afterwards_jax_is_restored() -> None:
+def test_jaxs_functions_are_restored_afterwards() -> None:
     scan, sums, insertion = jax.lax.scan, jax.ops.segment_sum, jnp.insert
     with suppress(KeyError), fewer_kernels():
         assert jax.lax.scan is not scan

@@ -26,13 +26,13 @@ from footfall.train.config import load_preset
 DOUBLE, SINGLE = 1e-12, 1e-5  # relative errors of the velocities
 COUNT = 60
 ROBOTS = ("go1", "hexapod", "g1")
-SHIPPED = llvm.OPTIMISATION  # as users have it; the other tests compile quickly
+SHIPPED = llvm.OPTIMISATION  # as for users; the other tests compile with less optimisation
 
 
 def errors(
     robot: Any, model: mujoco.MjModel, dtype: Any = np.float64, count: int = COUNT, fallen: bool = False
 ) -> np.ndarray:
-    """Relative errors of robots of the preset `gpu` that meet the ground in some of the steps."""
+    """Relative errors for robots of the preset `gpu` that touch the ground in some of the steps."""
     randomisation = load_preset("gpu", robot).env.randomisation
     given = random_arguments(robot, model, count, randomisation, fallen=fallen)
     found = compare(robot, model, given, dtype)
@@ -41,13 +41,15 @@ def errors(
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_four_steps_are_mujocos_in_double_precision(name: str) -> None:
+def test_four_steps_equal_mujocos_in_double_precision(name: str) -> None:
     robot = load_robot(name)
     assert errors(robot, training_model(robot)).max() < DOUBLE
 
 
 @pytest.mark.parametrize(("name", "optimisation"), [("go1", SHIPPED), ("hexapod", 0), ("g1", 0)])
-def test_a_step_is_mujocos_in_float32(name: str, optimisation: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_step_equals_mujocos_in_float32(
+    name: str, optimisation: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(llvm, "OPTIMISATION", optimisation)
     robot = load_robot(name)
     found = errors(robot, training_model(robot), np.float32, 400)
@@ -69,7 +71,7 @@ def bodies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
     return made_up.bodies(tmp_path_factory.mktemp("bodies"))
 
 
-def test_bodies_of_any_limbs_move_as_mujocos(bodies: dict[str, Robot]) -> None:
+def test_robots_with_any_limbs_move_as_in_mujoco(bodies: dict[str, Robot]) -> None:
     for robot in bodies.values():
         model = training_model(robot)
         assert not_generated(model) == ""
@@ -123,8 +125,8 @@ def stand_in(joints: tuple[str, ...], *feet: str) -> Any:
     )
 
 
-def test_every_kind_of_joint_and_contact_is_mujocos() -> None:
-    """Several hinges of a body off its origin, a body without any, a spring, a slope, spheres, capsules."""
+def test_every_kind_of_joint_and_contact_equals_mujocos() -> None:
+    """Hinges away from a body's origin, a body without hinges, a spring, a slope, spheres, capsules."""
     model, robot = mujoco.MjModel.from_xml_string(EVERY_FEATURE), stand_in(("a", "b", "c"), "sphere")
     assert not [*refusals(model), *contact_refusals(model)]
     given = random_arguments(robot, model, 300, Randomisation())
@@ -154,10 +156,10 @@ def test_each_robot_may_have_gravity_of_its_own() -> None:
 
 
 @pytest.mark.parametrize(("name", "height"), [("go1", 0.06), ("go1", -0.04)])
-def test_each_foot_may_meet_the_edge_of_another_level(name: str, height: float) -> None:
+def test_each_foot_may_touch_the_edge_of_another_level(name: str, height: float) -> None:
     """A step up or down, which in MuJoCo is a box on a floor.
 
-    Where a centre is deep inside the box, MuJoCo's floor lifts the foot as well.
+    If a foot's centre is deep inside the box, MuJoCo's floor pushes it as well.
     """
     robot = load_robot(name)
     flat = training_model(robot)

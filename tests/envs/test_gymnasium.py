@@ -43,7 +43,8 @@ class TestOne:
     def test_it_keeps_gymnasiums_contract(self, one: GymnasiumEnv) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            # These two are advice: joints differ in reach, and an observation has no bounds.
+            # Two warnings of gymnasium are only advice: ranges of actions differ, and observations have no
+            # bounds.
             warnings.filterwarnings("ignore", message=".*symmetric and normalized space.*")
             warnings.filterwarnings("ignore", message=".*Box observation space m.* value is.*infinity.*")
             check_env(one, skip_render_check=True)
@@ -115,7 +116,7 @@ class TestMany:
 
         assert data_equivalence(rollout(), rollout(), exact=True)
 
-    def test_each_is_the_single_environment_of_its_seed(
+    def test_each_environment_of_a_vector_equals_the_single_one_with_its_seed(
         self, many: GymnasiumVectorEnv, one: GymnasiumEnv
     ) -> None:
         observations, _ = many.reset(seed=10)
@@ -203,7 +204,7 @@ print(picture.shape, picture.dtype, picture.std() > 5)
 """
 
 
-def test_it_renders() -> None:
+def test_a_picture_is_rendered() -> None:
     """In separate processes, because MuJoCo chooses a GL back end when it is imported."""
     for back_end in ("egl", "osmesa"):
         variables = os.environ | {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end}
@@ -212,7 +213,7 @@ def test_it_renders() -> None:
             assert (done.stdout, done.stderr) == ("(320, 480, 3) uint8 True\n", "")
             return
         probe = run(PROBE, variables)
-        assert probe.returncode, done.stderr  # it can be rendered here, but not by the environment
+        assert probe.returncode, done.stderr  # this machine can render, but not this environment
     pytest.skip(f"no offscreen rendering here: {probe.stderr.splitlines()[-1]}")
 
 

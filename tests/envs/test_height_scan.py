@@ -59,7 +59,7 @@ def test_training_and_the_simulated_robot_have_the_same_scans(
         assert plant is not None
         ours = seen[-SCAN.size - 1 : -1] / 2.0
         same = np.abs(ours - np.clip(plant.heights, -1.0, 0.5)) < 1e-4
-        assert same.mean() > 0.97  # single precision may take the other side of an edge
+        assert same.mean() > 0.97  # in single precision a point may be on the other side of an edge
         assert np.ptp(ours) > 0.1
 
 

@@ -63,8 +63,8 @@ CONFIG = replace(
 def numbered_steps(motion: Motion, drive: Drive, _: Fields) -> tuple[Motion, Trace]:
     """In physics step k the base turns by k * TURN faster and the motors give (k + 1) * TORQUE.
 
-    A foot is at 10 (foot + 1) + k cm along x and (foot + 1) cm up. The motion carries the targets of its
-    last step on, and the sum of all stiffness.
+    A foot is at 10 (foot + 1) + k cm along x and (foot + 1) cm up. The resulting motion contains the
+    targets of the last step and the sum of all stiffness.
     """
     number = jnp.arange(1.0, SUBSTEPS + 1)
     qvel = jnp.tile(motion.qvel, (SUBSTEPS, 1)).at[:, 3:6].add(number[:, None] * TURN)
@@ -118,7 +118,9 @@ def placed(state: State, base=(0.0, 0.0, 0.3), quaternion=(1.0, 0.0, 0.0, 0.0)) 
 
 
 class TestStep:
-    def test_the_goal_is_of_phase_and_command_before(self, env: LocomotionEnv, step, begun: State) -> None:
+    def test_the_goal_has_the_previous_phase_and_command(
+        self, env: LocomotionEnv, step, begun: State
+    ) -> None:
         """Goals are kept newest first, beside their actions."""
         expected = joint_target(
             np.asarray(ACTION), np.asarray(begun.phase), np.asarray(begun.command), env.contract
@@ -132,7 +134,7 @@ class TestStep:
         assert float(begun.phase[0]) != float(first.phase[0])
 
     def test_the_actor_observes_delayed_readings(self, step, begun: State) -> None:
-        """10 ms are 1.6 physics steps: between the second and the third of the four."""
+        """A delay of 10 ms is 1.6 physics steps: the reading is between the second and the third of four."""
         after, result = step(begun, ACTION)
         before = np.asarray(begun.qvel[3:6])
         np.testing.assert_allclose(result.observation["state"][:3], before + 2.4 * TURN, rtol=1e-5)
@@ -140,7 +142,7 @@ class TestStep:
             after.recent_readings[:, :3], before + np.outer([1, 2, 3, 4], TURN), rtol=1e-5
         )
 
-    def test_a_delay_of_a_whole_period_reaches_back_into_the_step_before(self, step, begun: State) -> None:
+    def test_a_delay_of_a_whole_period_gives_readings_of_the_previous_step(self, step, begun: State) -> None:
         first, _ = step(begun, ACTION)
         late = first._replace(sample={"observation_delay_s": jnp.float32(0.025)})
         _, result = step(late, ACTION)
@@ -162,7 +164,9 @@ class TestStep:
         rate = max(sum(expected.values()), CONFIG.reward_floor)
         assert float(result.reward) == pytest.approx(rate / 40.0, rel=1e-4)
         assert not np.array_equal(after.command, due.command)
-        np.testing.assert_allclose(result.observation["state"][3:6], after.command)  # it observes the new one
+        np.testing.assert_allclose(
+            result.observation["state"][3:6], after.command
+        )  # the observation has the new command
         forward, left = TILTED.inv().apply(np.asarray(begun.qvel[:3]))[:2]
         error = np.hypot(0.4 - forward, -0.2 - left)
         assert float(result.metrics["tracking/linear_error_m_s"]) == pytest.approx(error, rel=1e-4)
@@ -194,7 +198,7 @@ class TestStep:
         np.testing.assert_allclose(torque, 4 * TORQUE / ROBOT.motor.peak_torque, rtol=1e-5)
         assert sampled == pytest.approx([0.01])
 
-    def test_a_push_is_felt_after_the_reading_and_seen_by_the_critic(self, step, begun: State) -> None:
+    def test_a_push_acts_after_the_reading_and_the_critic_observes_it(self, step, begun: State) -> None:
         after, _ = step(begun._replace(event_steps={"push": jnp.int32(0)}), ACTION)
         unpushed, _ = step(begun, ACTION)
         assert np.abs(np.asarray(after.qvel - unpushed.qvel)[:2]).max() > 0.01
@@ -220,8 +224,8 @@ class TestStep:
         assert {name for name, value in result.metrics.items() if float(value) != 0.0} == {"episode/diverged"}
 
 
-def test_falls_are_tilt_or_height(step, begun: State) -> None:
-    """0.55 of 0.2945 m are 0.162 m."""
+def test_tilt_and_height_end_an_episode(step, begun: State) -> None:
+    """The limit is 0.55 of 0.2945 m: 0.162 m."""
     for tilt_rad, height_m, fell in (
         (1.05, 0.3, 0.0),
         (1.15, 0.3, 1.0),
@@ -234,8 +238,8 @@ def test_falls_are_tilt_or_height(step, begun: State) -> None:
         assert float(result.metrics["reward/fall"]) == -7.0 * fell
 
 
-def test_the_sum_of_rewards_is_clipped_from_below_but_for_a_fall(begun: State) -> None:
-    """Alive earns 1; height costs more than the floor of -0.5 allows; a fall counts in full."""
+def test_the_sum_of_rewards_has_a_lower_limit_except_for_a_fall(begun: State) -> None:
+    """`alive` is 1, `height` is below the limit of -0.5, and `fall` counts in full."""
     for height_weight, upright_rate, fallen_rate in ((0.0, 1.0, -7.0), (-1e6, -0.5, -7.5)):
         weights = (("alive", 1.0), ("height", height_weight), ("fall", -7.0))
         rewards = tuple(RewardConfig(*pair) for pair in weights)
@@ -328,7 +332,7 @@ def test_physics_steps_are_as_short_as_joints_need(rate_hz: float, substeps: int
 
 
 class TestStillStep:
-    """A step's own work, with a physics in which nothing moves."""
+    """Effects of a step apart from physics, with a fake physics in which nothing moves."""
 
     @pytest.fixture(scope="class")
     @classmethod
@@ -368,7 +372,9 @@ class TestStillStep:
         assert ends == [(0.0, 0.0)] * 4 + [(0.0, 1.0)]
 
     @pytest.mark.parametrize(("speed", "diverged"), [(49.0, 0.0), (51.0, 1.0), (-51.0, 1.0)])
-    def test_excessive_speed_is_a_divergence(self, step, state: State, speed: float, diverged: float) -> None:
+    def test_a_speed_beyond_the_limit_is_a_divergence(
+        self, step, state: State, speed: float, diverged: float
+    ) -> None:
         fast = state._replace(qvel=state.qvel.at[17].set(speed))
         _, result = step(fast, jnp.zeros(N))
         assert float(result.metrics["episode/diverged"]) == float(result.terminated) == diverged

@@ -1,4 +1,4 @@
-"""What the actor sees of the simulated robot: readings with delay, bias and noise."""
+"""What the actor observes: readings with delay, bias and noise."""
 
 from dataclasses import replace
 
@@ -56,7 +56,7 @@ class TestObserver:
         with pytest.raises(UserError, match=name):
             self.make(Noise(), **{name: 0.1})
 
-    def test_noise_comes_after_bias_and_gravity_is_a_unit_vector_before_and_after(self) -> None:
+    def test_noise_is_added_after_bias_and_gravity_is_a_unit_vector_after_both(self) -> None:
         """A bias of 0.75 on (0, 0, -1) is the direction of (3, 3, -1); noise shifts that, not the raw one."""
         observer, env = self.make(Noise(gravity=0.1, gyro=0.5), gravity_bias=0.75, gyro_bias=0.2)
         state, _ = env.reset(jax.random.PRNGKey(0))

@@ -65,8 +65,8 @@ def worst(one: jax.Array, two: jax.Array) -> float:
 
 
 @IN_C
-def test_a_control_step_is_the_same_in_c_and_in_mjx(begun: State, step) -> None:
-    """To rounding, from many states of a walk: MJX calculates in single precision, C in double.
+def test_a_control_step_in_c_equals_mjx(begun: State, step) -> None:
+    """Equal within rounding, from many states of a walk: MJX calculates in single precision, C in double.
 
     With motors that have every optional effect.
     """
@@ -89,7 +89,7 @@ def test_a_control_step_is_the_same_in_c_and_in_mjx(begun: State, step) -> None:
 
 
 @IN_C
-def test_a_control_step_in_c_is_plain_mujocos(begun: State) -> None:
+def test_a_control_step_in_c_equals_plain_mujoco(begun: State) -> None:
     """Each robot in a model and data of its own, with the motors' law at each physics step."""
     motion, drive, fields = arguments(begun)
     end, _ = jax.vmap(c_physics(training_model(ROBOT, SMOKE.timestep_s), ROBOT))(motion, drive, fields)
@@ -143,7 +143,7 @@ class TestPurity:
 
 
 class TestDivergence:
-    def test_a_robot_diverges_alone_and_nothing_is_printed(
+    def test_a_diverging_robot_affects_no_other_and_nothing_is_printed(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], step, begun
     ) -> None:
         monkeypatch.chdir(tmp_path)  # where MuJoCo would log its warnings
@@ -163,8 +163,8 @@ class TestDivergence:
 
 
 @IN_C
-def test_a_centre_of_mass_moves_that_was_the_bodys_origin(begun: State) -> None:
-    """MuJoCo compiles such a body in a way that would hide the offset."""
+def test_a_centre_of_mass_at_the_bodys_origin_moves(begun: State) -> None:
+    """MuJoCo marks such a body when it compiles it, and would then ignore the offset."""
     plain, moved = training_model(ROBOT), training_model(ROBOT)
     for model in (plain, moved):
         model.body_ipos[1], model.body_sameframe[1] = 0.0, mujoco.mjtSameFrame.mjSAMEFRAME_BODY
@@ -178,7 +178,7 @@ def test_a_centre_of_mass_moves_that_was_the_bodys_origin(begun: State) -> None:
 
 
 def arguments(state: State) -> tuple[Motion, Drive, dict[str, jax.Array]]:
-    """What a batch of robots hands to its physics: no two robots, joints or physics steps are alike in it."""
+    """Inputs of the physics of a batch, in which all robots, joints and physics steps differ."""
     rng = np.random.default_rng(3)
 
     def each(values: np.ndarray) -> jax.Array:
@@ -192,7 +192,7 @@ def arguments(state: State) -> tuple[Motion, Drive, dict[str, jax.Array]]:
 
 
 def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Drive, Fields]:
-    """The same with lag, Stribeck and load friction in each motor."""
+    """The same inputs with lag, Stribeck and load friction in each motor."""
     each = jnp.ones_like(drive.encoder_bias)
     motor = drive.motor._replace(lag_s=0.004 * each, stribeck=0.3 * each, load_friction=0.06 * each)
     motor = motor._replace(backlash=0.01 * each, compliance=0.002 * each, voltage_gain=0.9 * each)
@@ -202,10 +202,10 @@ def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, 
 
 @IN_C
 def test_ended_episodes_are_reset(env: LocomotionEnv, begun: State, step) -> None:
-    """21 end, more than begin at once."""
+    """21 episodes end, more than are reset at once."""
     ends = np.arange(len(begun.steps)) % 3 > 0
     assert ends.sum() > RESTARTED_AT_ONCE
-    level = jnp.full_like(begun.level, 0.25)  # of the curriculum, which continues
+    level = jnp.full_like(begun.level, 0.25)  # the curriculum's steps continue
     state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7), level=level)
     action = jnp.zeros((len(ends), env.action_size))
     after, observation, result = jax.device_get(step(state, action))

@@ -64,7 +64,7 @@ def kept(make: Any, *made_from: Any, say: Any = print) -> Any:
 
 @pytest.fixture(autouse=True)
 def _sources_are_as_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Even if the files are edited while the tests run."""
+    """Sources count as unchanged, even if they are edited while the tests run."""
     monkeypatch.setattr(footfall, "IMPORTED_AT_NS", FAR_FUTURE_NS)
 
 
@@ -98,7 +98,7 @@ def test_a_program_is_made_once_and_reused(cache: Path, make: Maker) -> None:
     assert float(also_totals["total"]) == 6.0
 
 
-def test_a_program_may_be_prefetch(cache: Path, make: Maker) -> None:
+def test_a_program_can_be_read_ahead(cache: Path, make: Maker) -> None:
     kept(make, "settings")
     prefetch(("settings",))
     prefetch(("settings",))  # the same request again
@@ -121,7 +121,9 @@ def test_other_inputs_make_another_program(cache: Path, make: Maker, monkeypatch
     assert make.made == 4
 
 
-def test_source_changes_it(cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_source_makes_another_program(
+    cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     source = tmp_path / "source" / "envs" / "locomotion.py"
     source.parent.mkdir(parents=True)
     monkeypatch.setattr(program_cache, "SOURCES", tmp_path / "source")
@@ -131,7 +133,7 @@ def test_source_changes_it(cache: Path, make: Maker, tmp_path: Path, monkeypatch
         assert make.made == made
 
 
-def test_a_source_that_changed_after_it_was_imported_keeps_nothing(
+def test_no_program_is_kept_if_a_source_changed_after_its_import(
     cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Otherwise the old program would be stored under the new source text."""

@@ -38,7 +38,7 @@ def value(name: str, **changes: object) -> float:
 @pytest.mark.parametrize(
     ("name", "changes", "expected"),
     [
-        # exp(-0.5 ** 2 / 0.25) and exp(-(0.3 ** 2 + 0.4 ** 2) / 0.25); the vertical velocity is no part of it
+        # exp(-0.5 ** 2 / 0.25) and exp(-(0.3 ** 2 + 0.4 ** 2) / 0.25), without the vertical velocity
         ("track_linear", {"linear_velocity": [0.1, -0.2, 9.0]}, np.exp(-1.0)),
         ("track_linear", {"linear_velocity": [0.9, 0.2, 0.0]}, np.exp(-1.0)),
         ("track_linear", {"linear_velocity": [-0.6, 0.2, 0.0]}, np.exp(-(1.2**2 + 0.4**2) / 0.25)),
@@ -49,7 +49,7 @@ def value(name: str, **changes: object) -> float:
         ("gait_contact", {"contact": [1.0, 1.0, 1.0, 1.0]}, 0.5),  # the swinging feet drag
         ("gait_contact", {"contact": [0.0, 0.0, 0.0, 0.0]}, 0.5),  # the standing feet are up
         ("gait_contact", {"contact": [0.0, 1.0, 1.0, 0.0]}, 0.0),
-        ("swing_height", {"clearance": [0.05, 0.05, 0.08, 0.0]}, 0.03**2),  # of the swinging feet alone
+        ("swing_height", {"clearance": [0.05, 0.05, 0.08, 0.0]}, 0.03**2),  # of the swinging feet only
         ("swing_height", {"clearance": [0.0, 0.08, 0.0, 0.0], "swing": [0.0, 0.5, 0.0, 0.0]}, 0.04**2),
         (
             "crowded_feet",
@@ -85,11 +85,11 @@ def value(name: str, **changes: object) -> float:
         ("level_soles", {"foot_tilt": [0.01, 0.03, 0.0, 0.0]}, 1e-3),
     ],
 )
-def test_terms_have_their_values(name: str, changes: dict[str, object], expected: float) -> None:
+def test_each_term_has_the_calculated_value(name: str, changes: dict[str, object], expected: float) -> None:
     assert value(name, **changes) == pytest.approx(expected, rel=1e-5, abs=1e-7)
 
 
-def test_parameters_shape_a_term() -> None:
+def test_parameters_change_a_term() -> None:
     assert float(
         REWARDS["track_linear"](PERFECT._replace(linear_velocity=jnp.zeros(3)), sigma_m2_s2=0.4)
     ) == (pytest.approx(np.exp(-1.0)))
@@ -98,7 +98,7 @@ def test_parameters_shape_a_term() -> None:
     assert float(REWARDS["crowded_feet"](near, distance_m=0.25)) == pytest.approx(4 * 0.05**2, rel=1e-4)
 
 
-def test_joints_count_in_pose_by_the_first_pattern_that_fits() -> None:
+def test_the_first_pattern_that_matches_a_joint_gives_its_weight_in_pose() -> None:
     shares = {"FR_*hip*": 5.0, "*_hip_*": 2.0, "*calf*": 0.0}
     expected = {"FR_hip_joint": 5.0, "FL_hip_joint": 2.0, "FL_calf_joint": 0.0, "FL_thigh_joint": 1.0}
     for joint, share in expected.items():

@@ -62,7 +62,7 @@ def slowest_of_family(family: Randomisation, robot: Robot, timestep_s: float, dr
 )
 @pytest.mark.parametrize("name", available_robots())
 def test_every_robot_is_stable_at_every_presets_step(name: str, timestep_s: float) -> None:
-    """Beyond -1 speeds grow; -0.5 keeps away from it."""
+    """Below -1 speeds grow; -0.5 leaves a margin."""
     robot = load_robot(name)
     family = load_preset("gpu", robot).env.randomisation
     assert slowest_of_family(family, robot, timestep_s, 150) > -0.5
@@ -124,6 +124,6 @@ def rms_mrad(one: np.ndarray, two: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize(("goal", "most"), [(step, 6.0), (swing, 1.0)])
-def test_legs_move_in_training_as_on_the_plant(go1: Robot, goal: Goal, most: float) -> None:
+def test_legs_move_alike_in_training_and_on_the_plant(go1: Robot, goal: Goal, most: float) -> None:
     """Explicit steps of 5 ms are off by 12 mrad after a step of the targets and by 3.4 mrad in a swing."""
     assert rms_mrad(trained(go1, goal), acted(go1, goal)) < most

@@ -22,7 +22,7 @@ PRESETS = {
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_the_mirrored_state_is_observed_as_the_mirror_image(preset: str) -> None:
+def test_a_mirrored_state_has_the_mirrored_observation(preset: str) -> None:
     env = PRESETS[preset]
     mirror = env.mirror()
     seen = _observed(env, mirrored=False)

@@ -123,7 +123,7 @@ def refusal(**changes: object) -> str:
 
 
 def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
-    """Its state restarts with the episode, each robot has its own, and a program carries it on."""
+    """The state restarts with the episode, differs between robots, and is kept in compiled programs."""
     entry = RewardConfig("own_terms:AirTime", 2.0, settings={"least_s": 0.05})
     env = make_environment(ROBOT, replace(IN_C, rewards=(entry,), episode_s=0.1, reward_floor=-1.0))
     state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), 3))
@@ -142,7 +142,7 @@ def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
     )
     _, _, last = step(landing)
     landed = np.asarray(last.metrics["reward/AirTime"]) / (2.0 * 0.25)
-    np.testing.assert_allclose(landed, np.round(landed), atol=1e-4)  # feet, each 0.3 s less 0.05 s
+    np.testing.assert_allclose(landed, np.round(landed), atol=1e-4)  # feet, each 0.3 s minus 0.05 s
     assert landed.max() >= 2.0
 
 
@@ -175,7 +175,7 @@ def test_a_users_task_makes_the_environment() -> None:
     assert env.config.weights == {"alive": 2.0}
 
 
-def test_a_changed_term_makes_another_program(own_module: Path) -> None:
+def test_a_changed_term_changes_the_programs_fingerprint(own_module: Path) -> None:
     config = replace(IN_C, rewards=(RewardConfig("own_terms:knees", 1.0),))
     helper = own_module.with_name("own_helper.py")
     helper.write_text("")
@@ -190,7 +190,7 @@ def test_a_changed_term_makes_another_program(own_module: Path) -> None:
     sys.modules.pop("own_helper")
 
 
-def test_refusals_name_the_entry() -> None:
+def test_a_refused_term_is_named_by_its_entry() -> None:
     reward, named = IN_C.rewards[0], NamedTermConfig
     cases: list[tuple[dict[str, object], str]] = [
         ({"rewards": (reward, RewardConfig("dance", 1.0))}, "env.rewards[1]: no reward 'dance'"),

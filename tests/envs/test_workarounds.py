@@ -64,5 +64,5 @@ def test_mujocos_settings_stay_until_the_last_training_ends() -> None:
         assert inside is not before
         with UNDISTURBED:
             assert mujoco.get_mju_user_warning() is inside
-        assert mujoco.get_mju_user_warning() is inside  # the first is still inside
+        assert mujoco.get_mju_user_warning() is inside  # the first training still runs
     assert mujoco.get_mju_user_warning() is before

@@ -65,7 +65,7 @@ def test_cost_of_transport_uses_the_weight_of_robot_and_load() -> None:
     assert loaded - bare == pytest.approx(3.0 * GRAVITY, rel=1e-6)
 
 
-def test_a_robot_goes_down_the_stairs_of_its_episode() -> None:
+def test_a_robot_walks_down_the_stairs_of_its_episode() -> None:
     stairs = GroundConfig("stairs", settings={"step_m": -0.03, "tread_m": 0.3, "start_m": 0.3})
     outcome = run("trot", duration_s=2.0, ground=stairs)
     assert outcome.trace is not None

@@ -26,7 +26,7 @@ def test_a_fall_at_the_start_scores_nothing_else(go1: Robot, seconds: float) -> 
     assert np.isnan([metrics.lin_vel_mse, metrics.estimate_mse]).all()
 
 
-def test_sway_within_a_stride_is_no_distance(go1: Robot) -> None:
+def test_sway_within_a_stride_does_not_count_as_distance(go1: Robot) -> None:
     straight = walk(5.0)
     swaying = straight.base_position.copy()
     swaying[:, 1] += 0.02 * np.sin(2 * np.pi * 4.0 * straight.time_s)
@@ -34,8 +34,8 @@ def test_sway_within_a_stride_is_no_distance(go1: Robot) -> None:
     assert distance_m == pytest.approx(5.0, rel=1e-2)
 
 
-def test_every_score_is_of_its_own_signal(go1: Robot) -> None:
-    """A trace whose numbers all differ, against plain sums."""
+def test_each_score_is_computed_from_its_own_signal(go1: Robot) -> None:
+    """A trace with different numbers in all fields, against plain sums."""
     rng = np.random.default_rng(3)
     count, rate_hz = 700, 50.0
     draws: dict[str, Any] = {

@@ -32,7 +32,7 @@ def run(steps: list[Any], policy: str = "go1-flat", duration_s: float = 20.0) ->
     return run_task(EpisodeTask(policy, "go1", plan, QUIET, mission_run=mission_run))
 
 
-def test_a_mission_steers_and_its_end_is_scored() -> None:
+def test_a_mission_steers_and_its_final_position_is_scored() -> None:
     outcome = run([{"go_to": [0.4, 0.0]}, {"policy": "stand"}, {"wait": 0.1}])
     assert outcome.mission is not None
     assert (outcome.mission.done, outcome.mission.arrived, outcome.trouble) == (True, True, "")
@@ -67,14 +67,14 @@ class Over:
 
 
 def turned(trace: Trace, yaw_rad: float) -> Trace:
-    """The same walk in a rotated world."""
+    """The same walk in rotated world axes."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     quaternion = np.tile([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)], (len(trace.time_s), 1))
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     return replace(trace, base_quaternion=quaternion, base_position=trace.base_position @ turn.T + 7.0)
 
 
-def test_the_final_error_is_true_and_in_the_frame_of_the_beginning() -> None:
+def test_the_final_error_is_from_ground_truth_in_the_frame_of_the_start() -> None:
     for yaw_rad in (0.0, 2.0):
         score = score_mission(Over(), turned(walk(2.21), yaw_rad))
         assert score.final_error_m == pytest.approx(0.2, abs=1e-6)

@@ -37,7 +37,9 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, go1: Robot) -> Evalu
     return EvaluationConfig("go1", ("still",), workers=1, metrics=("metrics_of_mine:highest_base_m",))
 
 
-def test_their_means_are_reported(config: EvaluationConfig, tmp_path: Path, go1: Robot) -> None:
+def test_means_of_the_users_metrics_are_reported(
+    config: EvaluationConfig, tmp_path: Path, go1: Robot
+) -> None:
     console = Console(file=io.StringIO(), width=120)
     result = api.evaluate_policy("stand", config, json_path=tmp_path / "a.json", console=console)
     still = result["scenarios"]["still"]
@@ -59,6 +61,8 @@ def test_their_means_are_reported(config: EvaluationConfig, tmp_path: Path, go1:
         (("metrics_of_mine:highest_base_m",) * 2, "two metrics are called 'highest_base_m'"),
     ],
 )
-def test_unfit_ones_are_refused(config: EvaluationConfig, names: tuple[str, ...], complaint: str) -> None:
+def test_unusable_metrics_are_refused(
+    config: EvaluationConfig, names: tuple[str, ...], complaint: str
+) -> None:
     with pytest.raises(UserError, match=complaint):
         api.evaluate_policy("stand", replace(config, metrics=names), console=Console(quiet=True))

@@ -48,7 +48,10 @@ def test_an_impossible_scenario_is_refused_with_its_field(tmp_path: Path) -> Non
         ("ground: {shape: stair}", "no shape 'stair'"),
         ("ground: {shape: stairs}", "step_m"),
         ("ground: {shape: stairs}, levels: {step_m: [0.1, 3]}", "step_m: must be from -1 to 1, not 3"),
-        (f"{fixed}, forward_m_s: [0, 1], hold_s: [0, 1]}}", "hold_s"),  # or drawing them might not end
+        (
+            f"{fixed}, forward_m_s: [0, 1], hold_s: [0, 1]}}",
+            "hold_s",
+        ),  # otherwise drawing pushes might not end
         (f"{fixed}, hold_s: [1, 2], forward_m_s: [1, -1]}}", "forward_m_s"),
         (f"{fixed}, hold_s: [1, 2], forward_m_s: [0, 1e3]}}", "forward_m_s must be from -100 to 100"),
         (f"{fixed}, hold_s: [1, 2], forward_m_s: [0, 1], standing_share: 7}}", "standing_share"),
@@ -78,7 +81,7 @@ class TestCommandsOfARobot:
 
     OTHER = replace(ROBOT, description=replace(ROBOT.description, commands=ASKED))
 
-    def test_one_is_the_highest_command_and_minus_one_the_lowest(self) -> None:
+    def test_a_share_of_one_is_the_highest_command_and_minus_one_the_lowest(self) -> None:
         drawn = load_scenarios(self.OTHER).scenarios["nominal"].commands
         assert drawn is not None
         assert drawn.forward_m_s == (-0.2, 0.4)
@@ -119,7 +122,7 @@ class TestCommandsOfARobot:
 
 
 class TestPlans:
-    def test_follow_from_scenario_seed_and_number_alone(self) -> None:
+    def test_episodes_depend_only_on_scenario_seed_and_number(self) -> None:
         for name, scenario in FILE.scenarios.items():
             few, again, many = (plan_episodes(name, scenario, 3, count) for count in (5, 5, 40))
             assert few == again == many[:5]
@@ -143,7 +146,7 @@ class TestPlans:
         assert (plan.scenario, plan.index, plan.duration_s, plan.randomised) == ("x", 0, 4.0, False)
         assert plan.pushes == ()
 
-    def test_drawn_commands_are_each_in_its_own_range_for_a_time_in_its_own(self) -> None:
+    def test_drawn_commands_and_their_durations_are_in_their_ranges(self) -> None:
         drawn = DrawnCommands((0.1, 0.2), (0.3, 0.4), (0.5, 0.6), (0.7, 0.9), standing_share=0.25)
         plans = plan_episodes("x", Scenario("x", 40, 10.0, commands=drawn, randomised=True), 0)
         commands = np.array([command for plan in plans for command in plan.schedule.commands])
@@ -175,7 +178,7 @@ class TestPlans:
         assert len(set(met[:12])) == 12
         assert met[12:] == met[:12]
         orders = [[each[1:] for each in met[:12] if each[0] == friction] for friction in levels["friction"]]
-        assert not orders[0] == orders[1] == orders[2]  # each has its own order
+        assert not orders[0] == orders[1] == orders[2]  # each repetition has its own order
         assert spread_levels({}, 3, np.random.default_rng(0)) == [{}, {}, {}]
 
 

@@ -79,7 +79,7 @@ def compared(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path, Path
 
 
 class TestCompare:
-    def test_nests_each_contender_under_its_name(self, compared: tuple[dict, Path, Path]) -> None:
+    def test_results_are_grouped_by_contender(self, compared: tuple[dict, Path, Path]) -> None:
         results, path, _ = compared
         assert list(results) == ["stand", "trot"]
         assert results == json.loads(path.read_text())
@@ -94,7 +94,7 @@ class TestCompare:
 
 
 class TestFilm:
-    def test_shows_the_robot_and_plays_in_a_browser(self, standing: Trace, tmp_path: Path) -> None:
+    def test_a_film_shows_the_robot_and_plays_in_a_browser(self, standing: Trace, tmp_path: Path) -> None:
         film = _film_or_skip(standing)
         path = tmp_path / "film.mp4"
         path.write_bytes(film.mp4)

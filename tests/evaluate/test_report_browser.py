@@ -33,7 +33,7 @@ def page(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
 
 
 def shown(page: Tab, width: int, media: str = "screen", colours: str = "light") -> None:
-    """As on a screen or paper of this width, px."""
+    """The page on a screen or paper of this width, px."""
     page.ask("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
     scheme = {"name": "prefers-color-scheme", "value": colours}
     page.ask("Emulation.setEmulatedMedia", media=media, features=[scheme])
@@ -49,7 +49,9 @@ def shown(page: Tab, width: int, media: str = "screen", colours: str = "light") 
         (760, "print", "dark"),
     ],
 )
-def test_it_is_dark_on_request_and_no_wider(page: Tab, width: int, media: str, colours: str) -> None:
+def test_the_page_is_dark_on_request_and_not_too_wide(
+    page: Tab, width: int, media: str, colours: str
+) -> None:
     """Paper is never dark."""
     shown(page, width, media, colours)
     assert page.value("innerWidth") == width

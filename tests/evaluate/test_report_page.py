@@ -21,26 +21,26 @@ def page(go1: Robot) -> str:
 
 @pytest.fixture
 def quick_plots(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three plots that are made in no time, the last of which is empty."""
+    """Three plots that are quick to draw; the last one is empty."""
     panel = Markup("<b>panel</b>")
     plots = [svg.Plot(f"Plot {k}", f"caption {k}", [panel] * (2 - k), [1]) for k in (0, 1, 2)]
     monkeypatch.setattr(page_module, "plots", lambda _: plots)
 
 
 class TestPage:
-    def test_opens_with_the_verdict(self, page: str) -> None:
+    def test_the_page_opens_with_the_verdict(self, page: str) -> None:
         words = Page(page).words
         sentence = "mine falls least often (0 of 24, against 9 of 24 of trot)"
         assert words.index(sentence) < words.index("Headline figures")
 
-    def test_is_self_contained_and_ids_are_unique(self, page: str) -> None:
+    def test_the_page_is_self_contained_and_ids_are_unique(self, page: str) -> None:
         parsed = Page(page)
         assert all(reference.startswith(("data:", "#")) for reference in parsed.references)
         assert not re.search(r"(?:@import|url\(\s*['\"]?https?:)", page)
         assert len(set(parsed.identities)) == len(parsed.identities) > 100
 
     def test_stars_mark_intervals_that_do_not_overlap(self, page: str, go1: Robot, quick_plots: None) -> None:
-        assert page.count("★</span>") == 7  # falls, error and push, falls again, and all below
+        assert page.count("★</span>") == 7  # columns: falls, error and push, falls again, and all below
         alike = [result(name, name, 0.1, 4, 2.0, walked(1.0)) for name in ("a", "b")]
         assert "★</span>" not in page_of(go1, *alike)
 

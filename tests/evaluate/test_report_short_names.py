@@ -5,7 +5,7 @@ from footfall.evaluate.report.short_names import MAX_CHARS, short_names
 LONG = "runs/2026-11-23_go1_without-height-scan_seed-17_policy-final"
 
 
-def test_a_name_that_fits_stays_as_it_is() -> None:
+def test_a_short_name_stays_unchanged() -> None:
     names = ["mpc", "x" * MAX_CHARS]
     assert short_names(names) == {name: name for name in names}
 
@@ -16,7 +16,7 @@ def test_a_longer_one_keeps_its_beginning_and_its_end() -> None:
     assert short == f"{LONG[:12]}…{LONG[-19:]}"
 
 
-def test_all_names_differ() -> None:
+def test_shortened_names_stay_different() -> None:
     others = [LONG.replace("height", kind) for kind in ("camera", "memory")]
     found = short_names([LONG, *others])
     assert len(set(found.values())) == 3

@@ -28,7 +28,7 @@ def test_a_limit_holds_in_the_scenario_that_is_named_or_in_all() -> None:
         ("walk.falls == 1", True), ("walk.own.lift >= 0.1", True), ("own.lift >= 0.3", False),
     ],
 )  # fmt: skip
-def test_each_comparison(text: str, met: bool) -> None:
+def test_each_comparison_operator(text: str, met: bool) -> None:
     requirements = parse_requirements([text], ["walk"], ["mine:lift"])
     assert [outcome.met for outcome in outcomes_of(requirements, {"a": RESULTS["a"]})] == [met]
 

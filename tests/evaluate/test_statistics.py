@@ -13,13 +13,13 @@ from footfall.evaluate.statistics import bootstrap_mean_interval, fit_survival, 
 
 class TestWilsonInterval:
     @pytest.mark.parametrize(("successes", "trials"), [(0, 1), (1, 7), (12, 24), (96, 96), (499, 500)])
-    def test_equals_scipys(self, successes: int, trials: int) -> None:
+    def test_the_wilson_interval_equals_scipys(self, successes: int, trials: int) -> None:
         theirs = scipy.stats.binomtest(successes, trials).proportion_ci(method="wilson")
         assert wilson_interval(successes, trials) == pytest.approx((theirs.low, theirs.high))
 
 
 class TestBootstrap:
-    def test_equals_scipys_for_weighted_episodes(self) -> None:
+    def test_the_bootstrap_interval_equals_scipys_for_weighted_episodes(self) -> None:
         rng = np.random.default_rng(4)
         values, weights = rng.normal(size=60), rng.uniform(1.0, 20.0, 60)
         theirs = scipy.stats.bootstrap(
@@ -33,7 +33,7 @@ class TestBootstrap:
             (theirs.low, theirs.high), abs=0.1 * (theirs.high - theirs.low)
         )
 
-    def test_of_equal_values_is_that_value_for_any_weights(self) -> None:
+    def test_the_interval_of_equal_values_is_that_value(self) -> None:
         weights = np.random.default_rng(8).uniform(1.0, 20.0, 12)
         assert bootstrap_mean_interval(np.full(12, 0.3), weights) == pytest.approx((0.3, 0.3), abs=1e-12)
 
@@ -53,7 +53,7 @@ class TestBootstrap:
 
 
 class TestSurvival:
-    def test_is_the_penalised_likelihoods_maximum_as_scipy_finds_it(self) -> None:
+    def test_the_fit_maximises_the_penalised_likelihood_like_scipy(self) -> None:
         pushes = np.array([0.5, 0.5, 1.0, 1.0, 1.5, 1.5, 1.5, 2.5, 2.5, 2.5])
         stood = np.array([1, 1, 1, 0, 1, 0, 1, 0, 0, 1])
         scaled = (pushes - 0.5) / 2.0
@@ -81,7 +81,7 @@ class TestSurvival:
         assert fit_survival([0.5, 1.0, 1.5], [False] * 3).dv50 == 0.0
 
     @given(st.lists(st.tuples(st.sampled_from([0.5, 1.0, 1.5, 2.0]), st.booleans()), min_size=1, max_size=20))
-    def test_is_never_nan(self, outcomes: list[tuple[float, bool]]) -> None:
+    def test_the_fit_is_never_nan(self, outcomes: list[tuple[float, bool]]) -> None:
         fit = fit_survival(*zip(*outcomes, strict=True))
         assert not math.isnan(fit.dv50)
         assert fit.interval[0] <= fit.interval[1]

@@ -28,7 +28,7 @@ def nominal(*metrics: EpisodeMetrics) -> Summary:
 
 
 class TestSummary:
-    def test_counts_falls_with_their_interval(self) -> None:
+    def test_falls_are_counted_with_their_interval(self) -> None:
         summary = nominal(GOOD, FELL, GOOD, GOOD)
         assert (summary["episodes"], summary["falls"], summary["fall_rate"]) == (4, 1, 0.25)
         low, high = summary["fall_rate_interval"]
@@ -126,7 +126,7 @@ class TestSummary:
         summary = summarise(SCENARIOS["push"], [TaskResult(None, "ValueError: no")], 0)
         assert summary == {"episodes": 0, "failed_episodes": ["episode 0: ValueError: no"]}
 
-    def test_is_plain_json_without_nan(self) -> None:
+    def test_a_summary_is_plain_json_without_nan(self) -> None:
         never_settled = replace(GOOD, scored_s=0.0, lin_vel_mse=np.nan, mean_velocity=(np.nan,) * 3)
         json.dumps(nominal(never_settled), allow_nan=False)
 

@@ -53,9 +53,13 @@ def test_best_is_the_policy_whose_interval_overlaps_no_other() -> None:
         (ERROR, [scored(0.3, 0.02), scored(0.1, 0.02), scored(0.2, 0.02)], 1),
         (ERROR, [scored(0.30, 0.06), scored(0.20, 0.06)], None),
         (FALLS, [scored(0.1, falls=4), scored(0.1, falls=5)], None),
-        (PUSH, [weak, unmoved], 1),  # no push felled the second
+        (PUSH, [weak, unmoved], 1),  # the second policy survived all pushes
         (PUSH, [unmoved, unmoved], None),
-        (ERROR, [scored(0.1, 0.01, falls=1), scored(0.5, 0.01)], None),  # falling early wins nothing
+        (
+            ERROR,
+            [scored(0.1, 0.01, falls=1), scored(0.5, 0.01)],
+            None,
+        ),  # a policy that falls early is not the best
         (ERROR, [scored(0.1, 0.01, falls=1), scored(0.5, 0.01, falls=1)], 0),
         (ERROR, [scored(0.1, episodes=7), scored(0.5, episodes=7)], None),  # too few episodes
         (ERROR, [scored(0.1, episodes=8), scored(0.5, episodes=8)], 0),
@@ -71,7 +75,7 @@ def test_best_is_the_policy_whose_interval_overlaps_no_other() -> None:
 
 
 class TestFigures:
-    """A figure's number, its interval and their display, also for missing and unbounded values."""
+    """Display of a figure and its interval, also for missing and unbounded values."""
 
     def test_an_unknown_push_is_above_the_others(self) -> None:
         for falls, number, shown in ((47, math.inf, "above 5"), (48, None, "below 0.5")):
@@ -97,7 +101,7 @@ class TestFigures:
             (ERROR, edges(0.1, 0.2), edges(0.21, 0.3), True),
             (PUSH, edges(0.21, 0.3), edges(0.1, 0.2), True),
             (PUSH, edges(0.2, 0.3), edges(0.1, 0.2), False),
-            (PUSH, edges(0.21, 0.3, falls=9), edges(0.1, 0.2), True),  # falls are what pushes are about
+            (PUSH, edges(0.21, 0.3, falls=9), edges(0.1, 0.2), True),  # pushes are judged by falls
             (ERROR, edges(0.1, 0.2, falls=3), edges(0.3, 0.4, falls=3), True),
             (ERROR, edges(0.1, 0.2, falls=4), edges(0.3, 0.4, falls=3), False),
         ):
@@ -105,7 +109,7 @@ class TestFigures:
 
 
 class TestVerdict:
-    def test_compares_the_best_with_the_best_of_the_others(self) -> None:
+    def test_the_verdict_compares_the_best_with_the_second_best(self) -> None:
         pushes = {"c": pushed(1.0, 0.9, 1.1), "b": pushed(2.0, 1.9, 2.1), "a": pushed(3.0, 2.9, 3.1)}
         assert "(3.00 m/s, against 2.00 of b)" in verdict({"push": pushes})
         errors = {"c": scored(0.9), "b": scored(0.5), "a": scored(0.1)}
@@ -113,7 +117,7 @@ class TestVerdict:
         unknown = scored(0.9) | {"lin_vel_rmse": None, "lin_vel_rmse_interval": [None, None]}
         assert "(0.100 m/s, against 0.500 of b)" in verdict({"nominal": errors | {"c": unknown}})
 
-    def test_several_that_lead_together_are_named_together(self) -> None:
+    def test_policies_that_are_equally_good_are_named_together(self) -> None:
         summaries = {"a": scored(0.10, 0.02), "b": scored(0.11, 0.02), "c": scored(0.5, 0.02)}
         sentence = verdict({"nominal": summaries})
         assert "a and b" in sentence

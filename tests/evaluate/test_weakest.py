@@ -28,7 +28,7 @@ def plan(go1: Robot) -> EpisodePlan:
 
 
 @pytest.mark.parametrize("limit", [0.001, 0.3, 0.77, 1.0])
-def test_a_bisection_finds_where_it_begins_to_fall(limit: float) -> None:
+def test_a_bisection_finds_the_smallest_size_that_makes_it_fall(limit: float) -> None:
     assert smallest(lambda share: share >= limit) == pytest.approx(limit, abs=1 / 256)
 
 
@@ -81,8 +81,10 @@ def test_each_disturbance_has_its_figures_in_its_unit(go1: Robot, monkeypatch: p
     assert figures["latency"]["never_fell"] == 6
 
 
-def test_together_less_of_each_is_enough(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The product of both decides: together a fifth of each is enough."""
+def test_smaller_disturbances_together_make_a_policy_fall(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The policy falls if the product of both severities is large: a fifth of each is enough."""
     pytest.importorskip("cma")
 
     def rule(push: float, latency: float) -> bool:
@@ -110,8 +112,10 @@ def test_a_push_makes_a_simulated_robot_fall(
     assert math.isinf(bisect(Ray(task, {"push": 0.01})))
 
 
-def test_a_robot_on_ice_has_failed(go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It never falls, but makes no progress; for a robot that only stands, that is no failure."""
+def test_a_robot_that_makes_no_progress_has_failed(
+    go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On ice it never falls, but makes no progress; for a robot that only stands, that is no failure."""
     monkeypatch.setattr(search, "smallest", partial(smallest, halvings=0))
     task = EpisodeTask("go1-flat", "go1", replace(plan, duration_s=1.5), load_scenarios(go1).noise)
     assert bisect(Ray(task, {"friction": 1.0})) == 1.0
@@ -119,7 +123,9 @@ def test_a_robot_on_ice_has_failed(go1: Robot, plan: EpisodePlan, monkeypatch: p
     assert math.isinf(bisect(Ray(replace(task, policy="stand"), {"friction": 1.0})))
 
 
-def test_the_command_prints_and_writes(shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_command_prints_and_writes_the_result(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(search, "_run", MadeUp(lambda push, latency: push >= 0.5).run)
     file = tmp_path / "weakest.json"
     outcome = shell("evaluate", "stand", "--weakest", "push", "--episodes", "3", "--json", file)
@@ -128,5 +134,5 @@ def test_the_command_prints_and_writes(shell: Shell, monkeypatch: pytest.MonkeyP
     assert json.loads(file.read_text())["weakest"]["push"]["median"] == pytest.approx(4.0, abs=0.04)
 
 
-def test_scenarios_beside_it_are_refused(shell: Shell) -> None:
+def test_other_scenarios_in_the_same_request_are_refused(shell: Shell) -> None:
     assert "--scenarios" in shell.refuses("evaluate", "stand", "--weakest", "push", "--scenarios", "walk")

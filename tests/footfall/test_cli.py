@@ -20,7 +20,7 @@ from footfall.machine import Finding
 class TestLimits:
     """The last accepted value and the first refused value."""
 
-    def test_of_a_velocity(self, shell: Shell, called: Recorder) -> None:
+    def test_the_limits_of_a_velocity(self, shell: Shell, called: Recorder) -> None:
         called.replace("footfall.plant.episode.run_episode", refuse)
         assert shell.refuses("deploy", "stand", "--command", "-100,99.5,100") == "enough"
         (_, _, episode), _ = called.of("run_episode")
@@ -44,7 +44,7 @@ class TestEndings:
             (BrokenPipeError(32, "Broken pipe"), 141, ""), (SystemExit(1), 141, ""),
         ],
     )  # fmt: skip
-    def test_status_and_line(
+    def test_a_result_sets_status_and_last_line(
         self,
         shell: Shell,
         monkeypatch: pytest.MonkeyPatch,
@@ -63,7 +63,9 @@ class TestEndings:
         assert result in outcome.err
         assert outcome.err.count("\n") == (1 if result else 0)
 
-    def test_a_defect_keeps_its_traceback(self, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_an_unexpected_exception_keeps_its_traceback(
+        self, shell: Shell, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         monkeypatch.setattr(cli, "app", lambda *_, **__: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             shell("train")
@@ -74,7 +76,7 @@ class TestEndings:
     def test_output_that_reaches_no_reader_is_noticed_before_the_end(
         self, monkeypatch: pytest.MonkeyPatch, error: OSError, status: int
     ) -> None:
-        """Printed text may wait in a buffer until the process ends, and its failure with it."""
+        """Printed text may stay in a buffer until the process ends; its failure would appear too late."""
 
         class Pipe(io.StringIO):
             def flush(self) -> None:
@@ -84,7 +86,9 @@ class TestEndings:
         monkeypatch.setattr(sys, "stdout", Pipe())
         assert cli.main(["doctor"]) == status
 
-    def test_sigterm_lets_a_verb_close_all(self, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_sigterm_lets_a_verb_close_its_resources(
+        self, shell: Shell, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         """`timeout` sends SIGTERM twice; the second one arrives while the verb closes what it opened."""
         closed: list[str] = []
 

@@ -12,7 +12,7 @@ from footfall.train.config import PRESETS
 
 @pytest.fixture
 def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
-    """In an empty folder, which must stay empty."""
+    """The command line in an empty folder, which must stay empty."""
     folder = tmp_path / "here"
     folder.mkdir()
     monkeypatch.chdir(folder)
@@ -107,7 +107,7 @@ GARBAGE = (b"garbage\n", bytes(range(256)), b"{[<mujoco>")
         ("loop.yaml", ["deploy", "stand", "--config", "{}"]),
     ],
 )
-def test_garbage_files(shell: Shell, tmp_path: Path, file: str, tokens: list[str]) -> None:
+def test_files_with_garbage_are_refused(shell: Shell, tmp_path: Path, file: str, tokens: list[str]) -> None:
     path = tmp_path / file
     for content in GARBAGE:
         path.write_bytes(content)
@@ -136,7 +136,7 @@ FRICTION = "friction: {low: 0.6, high: 1.1}"
         (FRICTION, "gyro_bias: {low: 0, high: 57}", "gyro_bias"),
     ],
 )
-def test_presets_that_cannot_be_trained(
+def test_presets_that_cannot_be_trained_are_refused(
     shell: Shell, tmp_path: Path, line: str, instead: str, named: str
 ) -> None:
     smoke = (PRESETS / "smoke.yaml").read_text()
@@ -149,7 +149,7 @@ def test_presets_that_cannot_be_trained(
 
 
 @pytest.mark.parametrize("verb", ["deploy", "bring-up"])
-def test_motor_timeouts_beyond_the_buss_greatest(shell: Shell, tmp_path: Path, verb: str) -> None:
+def test_a_motor_timeout_beyond_the_buss_limit_is_refused(shell: Shell, tmp_path: Path, verb: str) -> None:
     path = tmp_path / "loop.yaml"
     path.write_text("motor_timeout_s: 0.5")
     complaint = shell.refuses(verb, "stand", "--bus", "virtual", "--config", path)
@@ -158,22 +158,22 @@ def test_motor_timeouts_beyond_the_buss_greatest(shell: Shell, tmp_path: Path, v
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")
-def test_settings_without_an_end(shell: Shell) -> None:
+def test_infinite_settings_are_refused(shell: Shell) -> None:
     assert "/dev/zero" in shell.refuses("deploy", "stand", "--config", "/dev/zero")
 
 
 @pytest.mark.parametrize("verb", [["deploy", "stand"], ["evaluate", "stand"], ["train"]])
-def test_garbage_robot_folder(shell: Shell, own_folder: Path, verb: list[str]) -> None:
+def test_a_robot_folder_with_garbage_is_refused(shell: Shell, own_folder: Path, verb: list[str]) -> None:
     (own_folder / "robot.yaml").write_text("name: [")
     assert "robot.yaml" in shell.refuses(*verb, "--robot", own_folder)
 
 
 @pytest.mark.parametrize("verb", ["deploy", "evaluate", "export"])
-def test_run_folder_without_a_policy(shell: Shell, tmp_path: Path, verb: str) -> None:
+def test_a_run_folder_without_a_policy_is_refused(shell: Shell, tmp_path: Path, verb: str) -> None:
     assert str(tmp_path / "empty") in shell.refuses(verb, _folder(tmp_path / "empty"))
 
 
-def test_plant_of_another_robot(shell: Shell, tmp_path: Path) -> None:
+def test_the_plant_of_another_robot_is_refused(shell: Shell, tmp_path: Path) -> None:
     plant = tmp_path / "cart.xml"
     plant.write_text("<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>")
     complaint = shell.refuses("deploy", "stand", "--plant", plant)
@@ -197,7 +197,7 @@ def _folder(path: Path) -> Path:
         "export run --out",
     ],
 )
-def test_outputs_that_cannot_be_written(shell: Shell, command: str, tmp_path: Path) -> None:
+def test_outputs_that_cannot_be_written_are_refused(shell: Shell, command: str, tmp_path: Path) -> None:
     """Outputs are checked first: each of these commands returns at once."""
     (tmp_path / "file").write_text("")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
@@ -208,26 +208,26 @@ def test_outputs_that_cannot_be_written(shell: Shell, command: str, tmp_path: Pa
         assert str(place) in complaint or str(place.parent) in complaint
 
 
-def test_two_outputs_of_one_name(shell: Shell, tmp_path: Path) -> None:
+def test_two_outputs_with_one_name_are_refused(shell: Shell, tmp_path: Path) -> None:
     same = tmp_path / "out"
     assert str(same) in shell.refuses("deploy", "stand", "--json", same, "--log", same)
     assert not same.exists()
 
 
-def test_training_into_a_folder_in_use(shell: Shell, own_folder: Path) -> None:
+def test_training_into_a_folder_in_use_is_refused(shell: Shell, own_folder: Path) -> None:
     before = sorted(own_folder.iterdir())
     assert "not empty" in shell.refuses("train", "--preset", "smoke", "--out", own_folder)
     assert sorted(own_folder.iterdir()) == before
 
 
 @pytest.mark.skipif(not hasattr(socket, "AF_CAN"), reason="no SocketCAN on this system")
-def test_can_interfaces_that_are_not_there(shell: Shell) -> None:
+def test_missing_can_interfaces_are_refused(shell: Shell) -> None:
     if any(name.startswith("can") for _, name in socket.if_nameindex()):
         pytest.skip("this machine has CAN interfaces; a test shall not talk to them")
     assert "can0" in shell.refuses("deploy", "stand", "--bus", "socketcan")
 
 
-def test_policy_of_another_robot(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
+def test_the_policy_of_another_robot_is_refused(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
     """A policy names the field of its contract that does not fit."""
     onnx = pytest.importorskip("onnx")
     from tiny_policy import write_policy
@@ -240,7 +240,7 @@ def test_policy_of_another_robot(shell: Shell, own_folder: Path, tmp_path: Path)
     assert "default_pose_rad" in complaint
 
 
-def test_onnx_without_a_contract(shell: Shell, tmp_path: Path) -> None:
+def test_an_onnx_file_without_a_contract_is_refused(shell: Shell, tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
     from tiny_policy import write_policy
 

@@ -27,7 +27,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Step, Setting, str]]:
     return given
 
 
-def test_by_default_all_steps_of_go1_in_simulation(shell: Shell, runs: list[Any], tmp_path: Path) -> None:
+def test_the_default_is_all_steps_of_go1_in_simulation(shell: Shell, runs: list[Any], tmp_path: Path) -> None:
     done = shell("bring-up", "stand", "--json", "a.json")
     assert (done.status, done.err) == (0, "")
     assert done.out.splitlines() == [f"{step.name}: {step.about}: passed" for step in STEPS]
@@ -39,7 +39,7 @@ def test_by_default_all_steps_of_go1_in_simulation(shell: Shell, runs: list[Any]
     assert [step["step"] for step in written["steps"]] == [step.name for step in STEPS]
 
 
-def test_another_robot_policy_bus_and_loop(shell: Shell, runs: list[Any], tmp_path: Path) -> None:
+def test_robot_policy_bus_and_loop_can_be_chosen(shell: Shell, runs: list[Any], tmp_path: Path) -> None:
     (tmp_path / "loop.yaml").write_text("stand_s: 2.5")
     options = ("--robot", "hexapod", "--bus", "slcan", "--yes", "--config", "loop.yaml", "--json", "a.json")
     assert shell("bring-up", "tripod", "--steps", "walk", "--scale", "0.7", *options).status == 0
@@ -54,7 +54,9 @@ def test_another_robot_policy_bus_and_loop(shell: Shell, runs: list[Any], tmp_pa
 @pytest.mark.parametrize(
     ("scale", "refused"), [("0.01", False), ("1", False), ("0.009", True), ("1.01", True)]
 )
-def test_the_share_that_reaches_the_motors(shell: Shell, runs: list[Any], scale: str, refused: bool) -> None:
+def test_the_scale_of_gains_and_torque_reaches_the_steps(
+    shell: Shell, runs: list[Any], scale: str, refused: bool
+) -> None:
     outcome = shell("bring-up", "stand", "--steps", "hold", "--scale", scale)
     assert outcome.status == (2 if refused else 0)
     assert ("--scale" in outcome.err) is refused

@@ -33,11 +33,11 @@ def rows_of(shell: Shell, *tokens: str | Path) -> list[list[str]]:
 
 
 class Turns:
-    """The robot's time advances only while the user's end waits for its tick, at any speed of both."""
+    """Robot and host take turns: the robot's time advances only while the host waits for its next tick."""
 
     def __init__(self) -> None:
         self._asked, self._passed = threading.Semaphore(0), threading.Semaphore(0)
-        self._left_us = 0  # of the requested ones
+        self._left_us = 0  # of the requested frames
 
     def ask(self, us: int) -> None:
         """Wait until the robot's time has advanced by this much."""
@@ -56,7 +56,7 @@ class Turns:
 
 
 class TurnsClock:
-    """The clock of one of the two."""
+    """The clock of the robot or of the host."""
 
     realtime = True
 
@@ -109,7 +109,7 @@ class TestVirtual:
         monkeypatch.setattr(bench, "WallClock", partial(TurnsClock, turns.ask))
         monkeypatch.setattr(scan, "WallClock", partial(TurnsClock, turns.ask))
         monkeypatch.setattr(serve, "WallClock", partial(TurnsClock, turns.live))
-        # Stamps of the wall's time would make a frame old while a busy machine holds a thread up.
+        # With wall-clock time stamps, frames would be too old whenever a busy machine delays a thread.
         monkeypatch.setattr(serve, "not_before", lambda frames, time_us: frames)
 
     def test_a_scan_finds_the_motors_of_robot_yaml(self, shell: Shell) -> None:
@@ -117,14 +117,14 @@ class TestVirtual:
         assert rows[0] == ["can0", "1", "MIT", "mode", "FR_hip_joint", "found"]
         assert len(rows) == 12
 
-    def test_motors_are_watched_one_or_all(self, shell: Shell) -> None:
+    def test_one_motor_or_all_are_watched(self, shell: Shell) -> None:
         watched = ("monitor", "--bus", "virtual", "--duration", "0.2")
         assert len(rows_of(shell, *watched)) == 12
         (row,) = rows_of(shell, *watched, "--joint", "RL_calf_joint")
         assert row[:4] == ["RL_calf_joint", "can3", "3", "AK10-9"]
         assert float(row[4]) < -1.5
 
-    def test_motors_are_switched_on_for_a_moment(self, shell: Shell) -> None:
+    def test_motors_are_enabled_for_a_moment(self, shell: Shell) -> None:
         assert len(rows_of(shell, "enable", "--bus", "virtual", "--duration", "0.2", "--yes")) == 12
 
     @pytest.mark.parametrize(

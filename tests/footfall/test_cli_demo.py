@@ -18,7 +18,9 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
     return found
 
 
-def test_from_training_to_a_report(steps: list[tuple[str, ...]], shell: Shell, called: Recorder) -> None:
+def test_the_demo_runs_from_training_to_a_report(
+    steps: list[tuple[str, ...]], shell: Shell, called: Recorder
+) -> None:
     called.replace("footfall.policies.registry.zoo_names", ["go1-flat"])
     called.replace("footfall.policies.registry.walking_controllers", ["trot", "mpc"])
     options = "--out d --seed 7 --episodes 3 --preset smoke --scenarios push,gentle"

@@ -61,7 +61,7 @@ def test_a_torn_log_is_recovered_under_another_name(shell: Shell, stood: Made, t
     shell.refuses("log", "recover", damaged, "--out", damaged)
 
 
-def test_a_users_own_robot_and_policy(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
+def test_a_users_robot_and_policy_are_deployed(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
     declaration = own_folder / "robot.yaml"
     declaration.write_text(declaration.read_text().replace("name: go1", "name: mine"))
@@ -76,7 +76,7 @@ TIMING |= {"ticks_skipped": 11.0}
 
 
 def ran(**changes: Any) -> Any:
-    """Figures of a run that ended safely, after late ticks."""
+    """Figures of a run with late ticks that ended safely."""
     facts = {
         "walked_s": 1.5, "final_state": "IDLE", "faults": (), "notes": ("a note",), "buses": (),
         "wall_s": 2.0, "run_s": 3.0, "fell": False, "fall_reason": "", "distance_m": 0.7,
@@ -91,7 +91,9 @@ class TestOptions:
         "--json", "run.json", "--config", "loop.yaml",
     )  # fmt: skip
 
-    def test_reach_the_simulation(self, shell: Shell, called: Recorder, go1: Robot, tmp_path: Path) -> None:
+    def test_options_reach_the_simulation(
+        self, shell: Shell, called: Recorder, go1: Robot, tmp_path: Path
+    ) -> None:
         (tmp_path / "loop.yaml").write_text("joint_rate_hz: 1000.0")
         called.replace("footfall.plant.episode.run_episode", ran())
         more = ("--plant", str(go1.xml_path), "--ground-truth", "--realtime")
@@ -143,7 +145,7 @@ class TestOptions:
         assert episode.command_source.poll(WALKING).velocity.tolist() == [0.5, 0.0, 0.0]
         assert episode.duration_s == 10.0
 
-    def test_only_a_safe_end_is_status_0(self, shell: Shell, called: Recorder) -> None:
+    def test_status_0_means_a_safe_end(self, shell: Shell, called: Recorder) -> None:
         fell = {"fell": True, "fall_reason": "it tilted"}
         for outcome, status in (({}, 0), ({"final_state": "ESTOP"}, 1), (fell, 1)):
             called.replace("footfall.plant.episode.run_episode", ran(faults=("motor 3",), **outcome))
@@ -152,7 +154,7 @@ class TestOptions:
             assert "motor 3" in shown.out
 
     @pytest.mark.parametrize("bus", ["socketcan", "virtual"])
-    def test_reach_an_interface(
+    def test_options_reach_a_can_interface(
         self, shell: Shell, called: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bus: str
     ) -> None:
         @contextmanager

@@ -42,7 +42,9 @@ def test_each_row_has_its_kind(listed: dict[str, dict[str, dict]]) -> None:
     assert listed["presets"]["smoke"]["total_steps"] == 4096
 
 
-def test_a_folders_controllers_alone(own_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_robot_folder_limits_the_list_to_its_controllers(
+    own_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     listed = json.loads(Shell(capsys)("list", "--robot", own_folder, "--json").out)
     (robot,) = listed["robots"]
     assert robot["controllers"]
@@ -52,7 +54,9 @@ def test_a_folders_controllers_alone(own_folder: Path, capsys: pytest.CaptureFix
     assert Shell(capsys)("list", "--robot", own_folder).status == 0
 
 
-def test_a_robot_without_policies_has_none(own_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_robot_without_policies_has_an_empty_list(
+    own_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     description = own_folder / "robot.yaml"
     description.write_text(description.read_text().replace("name: go1", "name: mine"))
     listed = Shell(capsys)("list", "policies", "--robot", own_folder)

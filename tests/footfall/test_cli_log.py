@@ -74,7 +74,7 @@ def test_a_cut_keeps_its_range_and_the_latched_messages(shell: Shell, logged: Pa
     assert {entry.topic for entry in held} >= {"/robot_description", "/tf_static", "/state", "/motor_health"}
     assert {entry.time_ns - FIRST_NS for entry in held} == {6 * 10**8}
     assert [entry[:2] for entry in part.entries[len(held) :]] == [entry[:2] for entry in inside]
-    assert not part.complete  # the end of the run is not in it
+    assert not part.complete  # the range ends before the run
     assert part.metadata["robot"] == "go1"
     with (tmp_path / "part.mcap").open("rb") as file:
         assert make_reader(file).get_summary() is not None

@@ -42,7 +42,10 @@ def test_ctrl_c_while_modules_are_loaded_is_one_line(tmp_path: Path) -> None:
 
 
 def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
-    """Both in one process: it walks without them, and names the missing extra of training."""
+    """Both commands in one process.
+
+    Deploy works without these libraries, and train names the missing extra.
+    """
     (tmp_path / "sitecustomize.py").write_text(
         "import sys\n"
         "class Blocker:\n"
@@ -69,7 +72,7 @@ def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
         [*command, "--json", figures], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
-    assert "WALKING" in process.stdout.readline()  # the first of the lines that it prints as it goes
+    assert "WALKING" in process.stdout.readline()  # the first line that it prints while walking
     process.send_signal(signal.SIGINT)
     _, complaint = process.communicate(timeout=60)
     assert (process.returncode, complaint) == (0, "")
@@ -96,7 +99,7 @@ def test_a_signal_ends_an_evaluation_and_its_processes(tmp_path: Path) -> None:
         _, result = process.communicate(timeout=60)
         deadline = time.monotonic() + 5
         while (left := processes_of(process.pid)) and time.monotonic() < deadline:
-            time.sleep(0.05)  # a process that ends is there for a moment yet
+            time.sleep(0.05)  # a process that ends still exists for a moment
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)

@@ -52,10 +52,12 @@ def test_a_log_replays_with_its_settings(shell: Shell, short: tuple[str, ...], t
     assert shell("replay", log, "--policy", "stand@kp=45@kd=2.5").status == 0
 
 
-def test_own_robot_is_found(shell: Shell, short: tuple[str, ...], own_folder: Path, tmp_path: Path) -> None:
+def test_a_users_robot_is_found(
+    shell: Shell, short: tuple[str, ...], own_folder: Path, tmp_path: Path
+) -> None:
     log = tmp_path / "run.mcap"
     declaration = own_folder / "robot.yaml"
-    for name in ("go1", "mine"):  # the first is also a robot of ours
+    for name in ("go1", "mine"):  # the first name is also that of a shipped robot
         declaration.write_text(declaration.read_text().replace("name: go1", f"name: {name}"))
         assert shell("deploy", "stand", "--robot", own_folder, *short, "--log", log).status == 0
         assert shell("replay", log).status == 0
@@ -73,7 +75,9 @@ def test_another_policy_differs_and_the_time_is_reported(shell: Shell, trotted: 
     assert shell("replay", trotted, "--policy", "stand", "--tolerance", "100").status == 0
 
 
-def test_a_log_without_its_policy_asks(shell: Shell, short: tuple[str, ...], tmp_path: Path) -> None:
+def test_a_log_whose_policy_is_missing_is_refused_with_the_option(
+    shell: Shell, short: tuple[str, ...], tmp_path: Path
+) -> None:
     onnx = pytest.importorskip("onnx")
     walk = write_policy(onnx, tmp_path / "walk.onnx", ROBOTS / "go1")
     log = tmp_path / "run.mcap"

@@ -40,16 +40,16 @@ def walking_on_a_terminal(walk: list[str], duration_s: str, folder: Path) -> tup
     return child, terminal
 
 
-def test_a_terminal_that_is_closed(walk: list[str], tmp_path: Path) -> None:
+def test_a_closed_terminal_ends_the_run_in_order(walk: list[str], tmp_path: Path) -> None:
     """The robot lies down and the figures are written, though every write to the terminal fails."""
     child, terminal = walking_on_a_terminal(walk, "60", tmp_path)
     os.close(terminal)
-    os.kill(child, signal.SIGHUP)  # the shell's own, after the kernel's
+    os.kill(child, signal.SIGHUP)  # the shell's signal, after the kernel's
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
     assert figures(tmp_path)["final_state"] == "IDLE"
 
 
-def test_a_pipe_without_a_reader(walk: list[str], tmp_path: Path) -> None:
+def test_a_pipe_without_a_reader_ends_the_run_in_order(walk: list[str], tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     with suppress(BlockingIOError):
@@ -100,7 +100,9 @@ class Mine:
     ],
     ids=["os._exit", "signals and fork"],
 )
-def test_exiting_policy_fails(walk: list[str], tmp_path: Path, act: str, state: str, status: int) -> None:
+def test_a_policy_that_exits_the_process_has_failed(
+    walk: list[str], tmp_path: Path, act: str, state: str, status: int
+) -> None:
     (tmp_path / "mine.py").write_text(POLICY.format(act=act))
     walk[walk.index("stand")] = "mine:Mine"
     done = subprocess.run([*walk, "1"], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)

@@ -32,7 +32,7 @@ class TestVerdict:
     def wrong(self, robot: Robot, **changes: Any) -> list[str]:
         return list(robot_check.wrong_standing(robot, stood(**changes)))
 
-    def test_a_standing_robot_has_no_complaints(self, go1: Robot) -> None:
+    def test_a_standing_robot_has_no_findings(self, go1: Robot) -> None:
         assert go1.description.standing_height_m == GO1_HEIGHT_M
         assert self.wrong(go1) == []
         just = {"sank_m": 0.149 * GO1_HEIGHT_M, "tilt_rad": 0.169, "torque_share": np.full(12, 0.8)}
@@ -72,7 +72,7 @@ class TestVerdict:
 class TestCheck:
     @pytest.fixture
     def found(self, called: Recorder) -> list[str]:
-        """What the inspection finds; nothing is simulated, and every test passes."""
+        """Result of the inspection; nothing is simulated, and every test passes."""
         found: list[str] = []
         looked = SimpleNamespace(
             links=[],

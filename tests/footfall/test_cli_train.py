@@ -33,11 +33,11 @@ def run_folder(six_iterations: str, kept_programs: None, tmp_path_factory: pytes
 
 @pytest.fixture
 def copied_run(run_folder: Path, tmp_path: Path) -> Path:
-    """The run, free to be damaged."""
+    """A copy of the run, which a test may damage."""
     return Path(shutil.copytree(run_folder, tmp_path / "run"))
 
 
-def test_the_policy_is_there_when_training_ends_and_has_walked(shell: Shell, run_folder: Path) -> None:
+def test_training_ends_with_a_policy_and_its_evaluation(shell: Shell, run_folder: Path) -> None:
     assert (run_folder / "config.yaml").is_file()
     assert list((run_folder / "checkpoints").iterdir())
     evaluation = json.loads((run_folder / "evaluation.json").read_text())
@@ -58,7 +58,7 @@ def test_a_damaged_checkpoint_is_named(shell: Shell, copied_run: Path, verb: lis
     for path in (copied_run / "checkpoints").iterdir():
         path.write_bytes(b"garbage")
     policy = copied_run / "policy.onnx"
-    policy.unlink()  # or there would be nothing left to train
+    policy.unlink()  # otherwise nothing would be left to train
     outcome = shell(*verb, copied_run)
     assert outcome.status == 2
     assert outcome.err.count("\n") == 1
@@ -96,7 +96,9 @@ class TestOptions:
         monkeypatch.setattr("footfall.pages.beside.watched", watched)
         return state
 
-    def test_reach_the_request(self, shell: Shell, called: Recorder, trained: SimpleNamespace) -> None:
+    def test_options_reach_the_request(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace
+    ) -> None:
         from footfall.train.api import TrainRequest
 
         options = (
@@ -160,7 +162,7 @@ class TestOptions:
             (("auto",), ("auto", None, None), True, ["watched"]),
         ],
     )
-    def test_of_several_processes_the_first_serves_the_page_and_evaluates(
+    def test_the_first_of_several_processes_serves_the_page_and_evaluates(
         self, shell: Shell, called: Recorder, trained: SimpleNamespace,
         cluster: tuple[str, ...], joined: tuple, main: bool, pages: list[str],
     ) -> None:  # fmt: skip

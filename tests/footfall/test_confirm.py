@@ -8,7 +8,7 @@ from footfall.confirm import confirm
 
 @pytest.fixture
 def questions(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Questions that were questions; there is no terminal."""
+    """Questions that were asked; there is no terminal."""
     questions: list[str] = []
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     monkeypatch.setattr("builtins.input", lambda question: questions.append(question) or "n")

@@ -21,7 +21,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     return calls
 
 
-def test_there_is_one_for_each_robot_that_ships() -> None:
+def test_each_shipped_robot_has_its_environments() -> None:
     ids = {"g1": "G1", "go1": "Go1", "hexapod": "Hexapod"}
     assert set(ids) == set(available_robots())
     ours = {name: spec for name, spec in gymnasium.registry.items() if name.startswith("footfall/")}
@@ -33,7 +33,9 @@ def test_there_is_one_for_each_robot_that_ships() -> None:
         assert spec.vector_entry_point == "footfall.gym:make_vector"
 
 
-def test_options_reach_it_with_its_robots_settings(made: list[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_options_reach_the_environment_with_its_robots_settings(
+    made: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     read: list[Any] = []
 
     def smoke(preset: str, robot: Robot) -> Any:

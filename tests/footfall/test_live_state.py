@@ -36,7 +36,7 @@ def walk(robot: Robot, console: Console) -> None:
 
 @pytest.fixture
 def loop() -> Any:
-    """In numbers that all differ; the robot leans by 0.3 rad and looks elsewhere."""
+    """State with different numbers in all fields; the robot is tilted by 0.3 rad and turned."""
     attitude = Rotation.from_euler("ZX", [1.1, 0.3]).as_quat()[[3, 0, 1, 2]]
     return SimpleNamespace(
         walking=True, walking_s=1.26, walked_s=4.2,
@@ -46,12 +46,12 @@ def loop() -> Any:
     )  # fmt: skip
 
 
-def test_every_part_of_a_state_is_its_own(loop: Any) -> None:
+def test_every_part_of_a_state_is_shown(loop: Any) -> None:
     for loop.walking, time_s in ((True, "1.3"), (False, "4.2")):
         text = describe(loop, np.array([0.11, -0.22, 9.0]), 2.5)
         numbers = (f"{time_s} of 2.5 s", "+0.50 -0.25", "+0.75", "+0.11 -0.22", "42%", "0.30 rad", "7 ticks")
         assert [number for number in (*numbers, "WALKING") if number not in text] == []
-    for part in (np.full(3, np.nan), np.array([0.1, np.nan, 0.0])):  # a velocity that is not known
+    for part in (np.full(3, np.nan), np.array([0.1, np.nan, 0.0])):  # an unknown velocity
         assert "velocity" not in describe(loop, part, 0.1)
 
 

@@ -11,7 +11,7 @@ from packaging.requirements import Requirement
 from footfall import machine
 
 
-def test_both_simulators_are_of_one_release(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mujoco_and_mjx_must_be_of_one_release(monkeypatch: pytest.MonkeyPatch) -> None:
     versions = {"mujoco": "3.17.0", "mujoco-mjx": "3.17.0"}
     monkeypatch.setattr(machine, "version", versions.__getitem__)
     assert machine.check_simulators()[:2] == ("simulators", True)

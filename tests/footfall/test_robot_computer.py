@@ -101,7 +101,7 @@ def test_can_interfaces_that_are_not_ready_are_reported_with_the_remedy(
 
 
 @pytest.mark.parametrize("sockets", [True, False])
-def test_without_interfaces_the_kernel_may_have_no_can(tmp_path: Path, sockets: bool) -> None:
+def test_a_kernel_without_can_is_reported(tmp_path: Path, sockets: bool) -> None:
     found = robot_computer.check_can(tmp_path, lambda: sockets)
     assert not found.good
     assert ("modprobe can_raw" in found.advice) is not sockets

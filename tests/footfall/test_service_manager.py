@@ -28,7 +28,9 @@ def run(heartbeat_s: float) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize(("age_s", "alive"), [(0.0, True), (10.0, False)])
-def test_it_gets_heartbeats_while_the_loop_ticks(manager: socket.socket, age_s: float, alive: bool) -> None:
+def test_the_service_manager_gets_heartbeats_while_the_loop_ticks(
+    manager: socket.socket, age_s: float, alive: bool
+) -> None:
     with notifying_service_manager(run(time.perf_counter() - age_s)):  # type: ignore[arg-type]
         first, second = manager.recv(1000), manager.recv(1000)
     assert first == b"READY=1\nSTATUS=IDLE, battery 42%"

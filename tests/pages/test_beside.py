@@ -9,7 +9,7 @@ from footfall.common.errors import UserError
 from footfall.pages import beside
 
 
-def test_the_reason_of_its_end_is_reported_although_its_output_is_discarded(
+def test_the_reason_for_the_pages_end_is_reported_although_its_output_is_discarded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def watch(*_: object) -> None:

@@ -63,7 +63,7 @@ class Visitor:
         self.socket.send(json.dumps({"number": self.number, "answer": self.challenge} | message))
 
     def refusal(self) -> str:
-        """Why the last message was refused."""
+        """Reason for the refusal of the last message."""
         while "refused" not in (message := json.loads(self.socket.recv(PATIENCE_S))):
             pass
         return str(message["refused"])
@@ -134,7 +134,7 @@ class TestCommands:
         other.take_control(served.inbox)
         other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
         assert eventually(lambda: requested_velocity(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
-        other.socket.close()  # at once: the server has not learned yet who has control
+        other.socket.close()  # at once, before the server has the owner of control
         assert eventually(lambda: not requested_velocity(served.inbox).any(), PATIENCE_S)
 
     def test_old_or_wrong_requests_change_nothing(self, served: SimpleNamespace, visitor: Visitor) -> None:
@@ -193,7 +193,7 @@ def test_a_command_with_a_long_transport_time_is_refused() -> None:
     challenge = fresh.challenge()
     now.s += 0.9 * MAX_ANSWER_S
     assert fresh.refusal(1, challenge) == ""
-    assert "old" in fresh.refusal(1, challenge)  # comes twice
+    assert "old" in fresh.refusal(1, challenge)  # arrives twice
     now.s += 0.2 * MAX_ANSWER_S
     assert "old" in fresh.refusal(2, challenge)  # delayed for too long
     assert fresh.refusal(2, fresh.challenge()) == ""

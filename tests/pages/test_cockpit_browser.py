@@ -1,4 +1,4 @@
-"""The cockpit in a browser: hold a key to move, and the events that end a motion."""
+"""The cockpit in a browser: a held key moves the robot, and several events end a motion."""
 
 import multiprocessing
 import os
@@ -21,7 +21,7 @@ from footfall.pages.cockpit.beside import cockpit
 
 pytestmark = pytest.mark.skipif(chromium() is None, reason="needs Chromium")
 
-PATIENCE_S = 60.0  # of software that draws on a busy machine
+PATIENCE_S = 60.0  # for rendering in software on a busy machine
 W = {"code": "KeyW", "key": "w"}
 
 
@@ -68,7 +68,7 @@ def test_a_motion_lasts_as_long_as_its_key_is_held(opened: SimpleNamespace) -> N
     page.value("document.dispatchEvent(new Event('visibilitychange'))")
     assert stands()
     page.value("delete document.hidden")
-    assert not eventually(moves, 0.5)  # no key was pressed since
+    assert not eventually(moves, 0.5)  # no key was pressed meanwhile
     hold()
 
     os.kill(opened.server, signal.SIGSTOP)  # the network stalls

@@ -28,7 +28,7 @@ def page() -> Iterator[int]:
 
 
 def answer(port: int, origin: str | None) -> int:
-    """HTTP status for a WebSocket client with this origin; 101 if viser then sends its content."""
+    """HTTP status for a WebSocket client with this origin; 101 if viser accepts it and sends its content."""
     try:
         with connect(
             f"ws://localhost:{port}", origin=origin, subprotocols=WHAT_VISER_SPEAKS, max_size=None, proxy=None
@@ -56,7 +56,7 @@ def fetched(port: int, host: str, path: str = "/") -> tuple[int, str]:
     ("origin", "status"),
     [
         ("http://localhost:{port}", 101),
-        (None, 101),  # not a browser: a user who can run programs here needs no page
+        (None, 101),  # no browser: a user who can run programs here does not need the page
         (FOREIGN, 403),
         ("http://localhost:{port}.evil.example", 403),
         ("http://evil-localhost:{port}", 403),
@@ -75,7 +75,7 @@ def test_a_foreign_host_name_is_refused(page: int) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/index.html", "/?initialCameraPosition=1,2,3"])
-def test_the_page_is_ours(page: int, path: str) -> None:
+def test_the_page_is_footfalls(page: int, path: str) -> None:
     status, text = fetched(page, f"localhost:{page}", path)
     assert status == 200
     assert "<title>footfall</title>" in text

@@ -13,7 +13,7 @@ from footfall.robots.description import Robot
 DATE_S = 1_795_778_150.0  # Unix time, as a run on the wall clock has it
 
 
-def test_their_time_counts_back_from_now(go1: Robot) -> None:
+def test_the_time_of_curves_counts_back_from_now(go1: Robot) -> None:
     page = PageControls()
     curves = LiveCurves(page, page.add_folder("curves"), go1)  # type: ignore[arg-type]
     sensed: Any = SimpleNamespace(gyro=np.zeros(3), joint_torque=np.zeros(len(go1.joint_names)))

@@ -47,7 +47,10 @@ def marks(drawing: Drawing, go1: Robot) -> Marks:
 
 @pytest.fixture
 def moment(go1: Robot) -> Moment:
-    """Turned by 90 degrees to the left, on two feet; one of the others has a foothold ahead of the base."""
+    """A robot turned by 90 degrees to the left, on two feet.
+
+    One of the others has a foothold ahead of the base.
+    """
     still, pose = np.zeros(3), go1.default_pose
     level = Rotation.from_euler("Z", 90, degrees=True).as_quat()[[3, 0, 1, 2]]
     sensed = Sensed(still, np.array([0, 0, 9.81]), level, pose, np.zeros(12), np.full(12, 2.0))

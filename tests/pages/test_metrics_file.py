@@ -20,7 +20,7 @@ def curve(metrics: MetricsFile) -> list[list[float]]:
     return [part.tolist() for part in metrics.curve("a")]
 
 
-def test_its_age_is_since_it_grew(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_age_of_metrics_is_since_the_last_line(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert MetricsFile(path).age_s() is None
     path.write_text(TWO)
     os.utime(path, (1000.0, 2000.0))
@@ -29,7 +29,7 @@ def test_its_age_is_since_it_grew(path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("line", ["", "{", "[1]", "7", '{"a": 1}', '{"step": null}', '{"step": "x"}'])
-def test_a_line_that_is_no_row_is_passed_over(path: Path, line: str) -> None:
+def test_an_invalid_line_is_ignored(path: Path, line: str) -> None:
     path.write_text(f'{{"step": 5, "a": 3}}\n{line}\n{TWO}')
     metrics = MetricsFile(path)
     assert metrics.refresh()
@@ -59,7 +59,7 @@ def test_a_shorter_file_is_read_from_its_beginning(path: Path) -> None:
     assert (curve(metrics)[1], metrics.last_step) == ([3], 10)
 
 
-def test_a_long_curve_is_thinned_between_its_ends() -> None:
+def test_a_long_curve_is_thinned_except_at_its_ends() -> None:
     few = thinned(np.arange(10_000), 400)
     assert (len(few), few[0], few[-1]) == (400, 0, 9999)
     assert (np.diff(few) > 0).all()

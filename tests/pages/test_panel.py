@@ -26,7 +26,7 @@ def panel(page: PageControls) -> Panel:
 
 
 class TestCommands:
-    def test_sliders_span_the_ranges_and_begin_ahead_or_as_near_as_they_may(self) -> None:
+    def test_sliders_span_the_ranges_and_begin_near_a_walk_ahead(self) -> None:
         narrow = CommandRange((-1.0, 0.3), (0.1, 0.7), (-1.4, -0.2))
         for ranges, first in ((WIDE, [0.5, 0.0, 0.0]), (narrow, [0.3, 0.1, -0.2])):
             page = PageControls()
@@ -40,7 +40,7 @@ class TestCommands:
     def test_a_number_beyond_a_range_is_clipped_and_shown(self, panel: Panel, page: PageControls) -> None:
         panel.offer_commands(WIDE)
         for axis, value in zip(AXES, (9.0, -9.0, 0.25), strict=True):
-            page[axis].value = value  # before anything has answered to it
+            page[axis].value = value  # before the value has been handled
         np.testing.assert_allclose(panel.command, [1.5, -0.5, 0.25])
         page[AXES[0]].type(9.0)
         page["Push, m/s"].type(9.0)
@@ -48,7 +48,7 @@ class TestCommands:
         for value in (np.nan, "fast", None, [1.0]):
             page[AXES[0]].type(value)
             assert page[AXES[0]].value == 0.0
-            page[AXES[1]].value = value  # before anything has answered to it
+            page[AXES[1]].value = value  # before the value has been handled
             assert np.isfinite(panel.command).all()
 
     def test_pushes_and_restarts_are_taken_once(self, panel: Panel, page: PageControls) -> None:
@@ -65,8 +65,8 @@ class TestCommands:
             assert panel.take_push() == np.clip(typed, page["Push, m/s"].min, page["Push, m/s"].max)
 
 
-def test_each_chart_is_of_its_metric(panel: Panel, page: PageControls, tmp_path: Path) -> None:
-    """The names are those that a training writes. One point is no curve."""
+def test_each_chart_shows_its_metric(panel: Panel, page: PageControls, tmp_path: Path) -> None:
+    """The names are those that a training writes. A single point is not drawn."""
     scales = {"reward/total": 1.0, "tracking/linear_error_m_s": 1.0, "tracking/yaw_error_rad_s": 1.0}
     scales |= {"episode/length_s": 1.0, "learning/learning_rate": 1e3, "speed/steps_per_s": 1e-3}
     metrics = MetricsFile(tmp_path / "metrics.jsonl")

@@ -26,7 +26,7 @@ def same(read: Sensed | None, true: Sensed) -> bool:
 
 @pytest.fixture(scope="module")
 def seen(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
-    """A moment of a walk by its feed, and by the simulation."""
+    """The state of a walk at one time, by its feed and by the simulation."""
     path = tmp_path_factory.mktemp("run") / "feed"
     feed, robot = RunFeed(path), load_robot("go1")
     found = SimpleNamespace(feed=feed)

@@ -58,7 +58,9 @@ class TestScene:
         bodies = list(scene.bodies)
         assert np.abs(data.xpos[bodies] - data.xipos[bodies]).max() > 0.01
 
-    def test_the_view_follows_the_robot_by_tenths(self, scene: Scene, data: mujoco.MjData) -> None:
+    def test_the_view_moves_by_a_tenth_of_the_distance_in_each_frame(
+        self, scene: Scene, data: mujoco.MjData
+    ) -> None:
         scene.begin()
         for follow, way in ((False, 0.0), (True, 0.1), (True, 0.19)):
             scene.show(data, np.zeros(3), np.zeros(3), follow)

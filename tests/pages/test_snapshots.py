@@ -22,7 +22,7 @@ class TestSnapshots:
         return path
 
     def found(self, run: Path) -> tuple[Snapshots, SimpleNamespace]:
-        """With an exporter that answers on request."""
+        """Snapshots with a fake exporter."""
         exporter = SimpleNamespace(calls=[], woken=0, answer=None)
         exporter.start = lambda *given: exporter.calls.append(given)
         exporter.poll = lambda: exporter.answer
@@ -56,7 +56,7 @@ class TestSnapshots:
         assert snapshots.poll() == Snapshot(done, 12)
         assert snapshots.problem == ""
 
-    def test_the_newest_is_the_file_written_last(self, run: Path) -> None:
+    def test_the_newest_checkpoint_is_the_file_written_last(self, run: Path) -> None:
         snapshots, _ = self.found(run)
         self.write(run / "checkpoints" / "00000012.ckpt", 100)
         done = self.write(run / FINISHED, 200)
@@ -65,13 +65,13 @@ class TestSnapshots:
         assert snapshots.poll() is None
         assert snapshots.exporting == 13
         assert newest_checkpoint(run) == later
-        self.write(run / "checkpoints" / "00000009.ckpt", 400)  # the number counts, not the time
+        self.write(run / "checkpoints" / "00000009.ckpt", 400)  # the number in the name does not count
         self.write(run / "checkpoints" / "99999999.ckpt", 500)
         self.write(run / "checkpoints" / "100000000.ckpt", 50)
         assert newest_checkpoint(run) == run / "checkpoints" / "100000000.ckpt"
         assert newest_checkpoint(run.parent) is None
 
-    def test_an_export_older_than_its_checkpoint_is_repeated(self, run: Path) -> None:
+    def test_an_outdated_export_is_repeated(self, run: Path) -> None:
         snapshots, exporter = self.found(run)
         self.write(run / "checkpoints" / "00000012.ckpt", 100)
         exported = self.write(run.parent / "out" / "00000012.onnx", 99)

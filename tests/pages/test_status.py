@@ -16,7 +16,7 @@ def test_the_awaited_policy_is_shown() -> None:
     assert "1,200" in as_markdown(replace(nothing, exporting=1200))
 
 
-def test_a_training_is_quiet_after_two_minutes_unless_it_is_finished() -> None:
+def test_a_training_without_news_for_two_minutes_is_reported_unless_finished() -> None:
     for age_s, finished, quiet in ((120.0, False, False), (120.1, False, True), (999.0, True, False)):
         text = as_markdown(replace(WALKING, metrics_age_s=age_s, finished=finished))
         assert ("train --resume runs/mine" in text) is quiet
@@ -24,7 +24,7 @@ def test_a_training_is_quiet_after_two_minutes_unless_it_is_finished() -> None:
     assert "2,000 steps, 2 h" in done
 
 
-def test_shows_the_walking_policy_and_its_tracking_error() -> None:
+def test_the_status_shows_the_walking_policy_and_its_tracking_error() -> None:
     text = as_markdown(
         replace(
             WALKING, command=np.array([0.5, 0.0, 0.0]), velocity=np.array([0.42, -0.01, 0.0]), mode="WALKING",

@@ -28,7 +28,7 @@ POLICY = ZOO / "go1-flat" / "policy.onnx"
 class TestPace:
     @pytest.fixture
     def clock(self, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """A clock of the page whose time passes in sleep, and by hand."""
+        """A clock for the page that advances in sleep and on request."""
         clock = SimpleNamespace(now=50.0, slept=[])
 
         def sleep(time_s: float) -> None:
@@ -38,7 +38,9 @@ class TestPace:
         monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
         return clock
 
-    def test_lost_or_paused_time_is_skipped_and_the_factor_restarts(self, clock: SimpleNamespace) -> None:
+    def test_lost_or_paused_time_is_skipped_and_the_speed_factor_restarts(
+        self, clock: SimpleNamespace
+    ) -> None:
         pace = Pace()
         assert pace.factor == 1.0
         pace.wait(0.5)
@@ -58,7 +60,7 @@ class TestPace:
         pace.wait(3.0)
         assert pace.factor == pytest.approx(1.3 / 1.3)
 
-    def test_a_fifth_of_a_second_is_lost_for_good(self, clock: SimpleNamespace) -> None:
+    def test_a_delay_of_a_fifth_of_a_second_is_not_caught_up(self, clock: SimpleNamespace) -> None:
         pace = Pace()
         clock.now += 0.7
         pace.wait(0.5)  # 0.2 s late
@@ -68,7 +70,7 @@ class TestPace:
 
 
 class Visitor:
-    """A page whose visitor does something after each frame, by a clock that passes while it is waited for."""
+    """A fake page whose visitor acts after each frame; its clock advances while the walk waits."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, most_frames: int = 300) -> None:
         self.now_s, self.frames, self.texts = 1000.0, 0, [""]
@@ -154,10 +156,10 @@ class TestWalk:
         assert command is visitor.command
         np.testing.assert_allclose(velocity, [0.4, 0.0, 0.0], atol=0.15)  # smoothed
         assert visitor.starts == 2
-        assert len(visitor.texts) < visitor.frames / 20  # it looks once a second
+        assert len(visitor.texts) < visitor.frames / 20  # the walk checks once a second
         assert visitor.now_s == pytest.approx(1000.0 + 0.033 * visitor.frames, abs=0.2)
 
-    def test_newer_networks_take_over_during_a_visit(
+    def test_newer_policies_replace_the_walking_one(
         self, visitor: Visitor, finished: Path, go1: Robot, tmp_path: Path, own_folder: Path
     ) -> None:
         """A policy with another contract changes nothing except the message."""
@@ -188,7 +190,7 @@ class TestNewestPolicy:
 
         assert np.array_equal(walk(replace=True), walk(replace=False))
 
-    def test_it_is_the_new_network_that_decides(self, go1: Robot, tmp_path: Path) -> None:
+    def test_after_the_change_the_new_network_decides(self, go1: Robot, tmp_path: Path) -> None:
         onnx = pytest.importorskip("onnx")
         from tiny_policy import write_network
 

@@ -40,7 +40,7 @@ PAGES = [
 ]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 FILE = re.compile(r"(?<![\w./-])((?:[\w-]+/)+[\w-]+\.(?:py|yaml|md|xml|json|html|png|webp))(?![\w/])")
-OF_THE_READER = ("runs/", "path/to/", "my_robot/", "robots/NAME/")  # what a reader makes
+OF_THE_READER = ("runs/", "path/to/", "my_robot/", "robots/NAME/")  # files that a reader creates
 CODE = re.compile(r"```\w*\n(.*?)```|`([^`\n]+)`", re.DOTALL)
 PYTHON = re.compile(r"(<!-- not run: [^\n]*-->\n)?```python\n(.*?)```", re.DOTALL)
 YAML = re.compile(r"(?:<!-- read as: ([\w-]+) -->\n)?```yaml\n(.*?)```", re.DOTALL)
@@ -73,7 +73,7 @@ def has_anchor(page: Path, anchor: str) -> bool:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_links_lead_somewhere(page: Path) -> None:
+def test_links_have_existing_targets(page: Path) -> None:
     broken = []
     for link in LINK.findall(page.read_text(encoding="utf-8")):
         if link.startswith(("http://", "https://")):
@@ -86,20 +86,20 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_files_that_are_named_exist(page: Path) -> None:
+def test_named_files_exist(page: Path) -> None:
     text = LINK.sub("]", page.read_text(encoding="utf-8"))
     named = [path for path in FILE.findall(text) if not path.startswith(OF_THE_READER)]
     assert [path for path in named if not (ROOT / path).exists() and not (page.parent / path).exists()] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_command_lines_are_understood(page: Path) -> None:
+def test_command_lines_can_be_parsed(page: Path) -> None:
     wrong = []
     for words in commands(page):
         named, _, rest = app.parse_commands(words)
         try:
             assert named, "no such command"
-            if rest and "…" not in words:  # else it is only named
+            if rest and "…" not in words:  # otherwise the command is only mentioned
                 app.parse_args(words, exit_on_error=False, print_error=False)
         except Exception as error:
             wrong.append(f"{' '.join(words)}: {error}")
@@ -107,7 +107,7 @@ def test_command_lines_are_understood(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_options_of_scripts_are_theirs(page: Path) -> None:
+def test_options_of_scripts_exist(page: Path) -> None:
     for code in codes(page):
         for script, arguments in SCRIPT.findall(code):
             source = (ROOT / script).read_text(encoding="utf-8")
@@ -122,7 +122,7 @@ def with_python(page: Path) -> bool:
 
 @pytest.mark.parametrize("page", [*filter(with_python, PAGES)], ids=name_of)
 def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The blocks of a page in one go, as a reader would, in a folder of their own."""
+    """The blocks of a page run in order in one process, in their own folder."""
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": page.stem}
     for left_out, block in PYTHON.findall(page.read_text(encoding="utf-8")):
@@ -151,7 +151,7 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_settings_are_read(page: Path, tmp_path: Path) -> None:
+def test_settings_on_pages_can_be_read(page: Path, tmp_path: Path) -> None:
     for reader, block in YAML.findall(page.read_text(encoding="utf-8")):
         (tmp_path / "settings.yaml").write_text(block, encoding="utf-8")
         READERS[reader](tmp_path / "settings.yaml")
@@ -189,7 +189,7 @@ def test_the_readmes_table_shows_the_comparison_beside_it() -> None:
     assert make_table.insert(readme, make_table.table(results)) == readme
 
 
-def test_errors_of_fallen_robots_are_in_no_table() -> None:
+def test_no_table_has_errors_of_fallen_robots() -> None:
     """A fallen robot has small errors: the pushed trot would have the smallest velocity error."""
     results = json.loads((ROOT / "docs/comparison.json").read_text(encoding="utf-8"))
     rows = make_table.table(results).splitlines()

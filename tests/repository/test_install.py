@@ -112,7 +112,7 @@ def brief_scenario(environment: FreshEnvironment) -> tuple[str, ...]:
 
 
 class TestBesideAUsersOwn:
-    def test_the_documented_gymnasium_script(self, user: FreshEnvironment) -> None:
+    def test_the_documented_gymnasium_script_runs(self, user: FreshEnvironment) -> None:
         page = (ROOT / "docs" / "gymnasium.md").read_text()
         script = re.search(r"```python\n(import gymnasium\n.*?)```", page, re.DOTALL)
         assert script is not None
@@ -122,17 +122,19 @@ class TestBesideAUsersOwn:
         done = user.run([user.python, "try_it.py"])
         assert (done.stdout, done.stderr) == ("float32\n", "")
 
-    def test_the_command(self, user: FreshEnvironment) -> None:
+    def test_the_command_is_installed(self, user: FreshEnvironment) -> None:
         user.run(user.footfall("deploy", "go1-flat", "--duration", "1", "--json", "walk.json"))
         assert json.loads((user.folder / "walk.json").read_text())["final_state"] == "IDLE"
 
-    def test_its_processes(self, user: FreshEnvironment) -> None:
+    def test_commands_with_several_processes_work(self, user: FreshEnvironment) -> None:
         user.run(user.footfall("evaluate", "stand", "--workers", "2", *brief_scenario(user)))
         assert (user.folder / "figures.json").is_file()
 
 
 class TestOnARobotsComputer:
-    def test_it_deploys_and_replays(self, robots_computer: FreshEnvironment) -> None:
+    def test_the_required_packages_suffice_to_deploy_and_replay(
+        self, robots_computer: FreshEnvironment
+    ) -> None:
         robots_computer.run(
             robots_computer.footfall("deploy", "go1-flat", "--duration", "1", "--log", "walk.mcap")
         )

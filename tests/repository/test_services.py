@@ -41,11 +41,11 @@ def command_lines() -> dict[str, list[str]]:
 
 
 @pytest.mark.parametrize("name", ["unit", "controller", "cockpit"])
-def test_command_lines_are_understood(name: str) -> None:
+def test_command_lines_can_be_parsed(name: str) -> None:
     app.parse_args(command_lines()[name], exit_on_error=False, print_error=False)
 
 
-def test_settings_of_the_service_are_settings_of_the_loop() -> None:
+def test_settings_in_the_service_file_are_valid() -> None:
     config = deploy_config(load_robot(ENVIRONMENT["ROBOT"]), SERVICES / "systemd" / "deploy.yaml")
     assert config.realtime_priority is not None
 
@@ -76,7 +76,7 @@ def test_systemd_accepts_the_units(tmp_path: Path) -> None:
     "BUILD_IMAGES" not in os.environ, reason="BUILD_IMAGES=1 builds images with Docker: minutes"
 )
 def test_the_compose_file_builds_and_its_robot_walks() -> None:
-    """It ends with the controller; the exit status is the run's."""
+    """The services end with the controller; the exit status is the run's."""
     command = ["docker", "compose", "--file", str(COMPOSE)]
     up = [*command, "up", "--build", "--exit-code-from", "controller", "robot", "controller"]
     try:

@@ -35,7 +35,7 @@ def cells(page: Tab, column: int) -> list[str]:
     return page.value(f"{SHOWN}.map(row => row.cells[{column}].textContent)")
 
 
-def test_pages_come_from_the_disk_alone(page: Tab) -> None:
+def test_pages_load_no_other_server(page: Tab) -> None:
     assert page.complaints == []
     assert [
         address for address in page.requested if not address.startswith(("file:", "data:", "blob:"))
@@ -48,7 +48,7 @@ def test_every_row_of_the_data_is_shown(page: Tab) -> None:
     assert cells(page, 2) == [row["fault"] for row in rows]
 
 
-def test_words_filter_rows(page: Tab) -> None:
+def test_search_words_filter_rows(page: Tab) -> None:
     search(page, "gyro mpc")
     assert set(cells(page, 0)) == {"mpc"}
     assert all("gyro" in fault for fault in cells(page, 2))

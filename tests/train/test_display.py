@@ -11,7 +11,7 @@ from footfall.train.runs import display
 
 
 def test_a_line_has_progress_speed_and_quality(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One comes every five seconds, and at the end."""
+    """A line is printed every five seconds, and at the end."""
     now, out = [100.0], io.StringIO()
     monkeypatch.setattr(display, "time", SimpleNamespace(monotonic=lambda: now[0]))
     shown = display.Display(2000, Console(file=out, width=300))

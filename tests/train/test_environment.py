@@ -39,7 +39,7 @@ def reset(env: LocomotionEnv):
 
 
 class TestReset:
-    def test_draws_command_body_pose_timers_and_clock_afresh(self, reset) -> None:
+    def test_a_reset_draws_command_body_pose_timers_and_clock(self, reset) -> None:
         one, two = reset(jax.random.PRNGKey(1))[0], reset(jax.random.PRNGKey(2))[0]
         for field in ("qpos", "qvel", "phase", "frames", "recent_readings"):
             assert not np.array_equal(getattr(one, field), getattr(two, field)), field
@@ -48,7 +48,7 @@ class TestReset:
         for field, value in one.fields.items():
             assert not np.array_equal(value, two.fields[field]), field
 
-    def test_same_key_same_episode(self, reset) -> None:
+    def test_the_same_key_gives_the_same_episode(self, reset) -> None:
         one, two = reset(jax.random.PRNGKey(3)), reset(jax.random.PRNGKey(3))
         assert all(np.array_equal(a, b) for a, b in zip(*map(jax.tree.leaves, (one, two)), strict=True))
 

@@ -12,7 +12,7 @@ from footfall.policies.contract import Contract
 from footfall.train.actor import Actor
 from footfall.train.export import export
 
-INPUTS, HIDDEN, ACTIONS = 110, 8, 12  # the first and the last as the contract has them
+INPUTS, HIDDEN, ACTIONS = 110, 8, 12  # the first and the last as in the contract
 
 
 def actor(scale: float = 2.0, shift: float = 0.0) -> Actor:
@@ -34,21 +34,21 @@ def actor(scale: float = 2.0, shift: float = 0.0) -> Actor:
     return Actor("brax", mean, deviation, layers, act)
 
 
-def test_an_agreeing_export_is_written(contract: Contract, tmp_path: Path) -> None:
+def test_an_export_that_agrees_is_written(contract: Contract, tmp_path: Path) -> None:
     worst = export(actor(), contract, np.zeros((0, INPUTS)), tmp_path / "policy.onnx")
     assert worst < 1e-5
     assert [path.name for path in tmp_path.iterdir()] == ["policy.onnx"]
 
 
 @pytest.mark.parametrize("shift", [2e-5, -2e-5, np.nan, np.inf])
-def test_a_differing_export_is_not_written(contract: Contract, tmp_path: Path, shift: float) -> None:
-    """Nor if the difference is NaN."""
+def test_an_export_that_differs_is_not_written(contract: Contract, tmp_path: Path, shift: float) -> None:
+    """It is not written either if the difference is NaN."""
     with pytest.raises(UserError, match="differs from the trained one"):
         export(actor(shift=shift), contract, np.zeros((0, INPUTS)), tmp_path / "policy.onnx")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_observations_of_the_training_are_tried_too(contract: Contract, tmp_path: Path) -> None:
+def test_an_export_is_tested_on_observations_of_the_training(contract: Contract, tmp_path: Path) -> None:
     """A network that agrees around its mean may differ far from it."""
     far = np.full((1, INPUTS), 100.0)
     honest = actor()

@@ -1,4 +1,7 @@
-"""Failing trainings: one clear line, the last good checkpoint intact, and a replay that names the culprit."""
+"""Failing trainings.
+
+One line, the last good checkpoint intact, and a replay that names the first bad value.
+"""
 
 import shutil
 from collections.abc import Callable
@@ -55,7 +58,7 @@ class TestNoticing:
         assert reason is not None
         assert reason.startswith("2.00% of the control steps ended in a diverged simulation")
 
-    def test_the_culprit_in_a_state_is_named(self) -> None:
+    def test_the_first_bad_value_in_a_state_is_named(self) -> None:
         tree = {"good": np.ones(2), "count": np.int32(3), "bad": {"deep": np.array([0.0, np.nan])}}
         assert non_finite_leaves(tree) == ["['bad']['deep']"]
 
@@ -132,7 +135,7 @@ def test_a_run_without_a_failure_has_nothing_to_replay(sound: Path, shell: Shell
 
 
 def test_a_state_that_is_not_finite_is_never_saved(sound: Path, tmp_path: Path) -> None:
-    """Even if no metric shows it."""
+    """This holds even if no metric shows it."""
     run = api.open_run(Path(shutil.copytree(sound, tmp_path / "run")))
     before = checkpoint.latest(run.checkpoints)
     trainer = BraxTrainer(run, load_robot("go1"))
@@ -156,14 +159,18 @@ class TestDevice:
         assert "\n" not in str(error.value)
         return str(error.value)
 
-    def test_its_loss_ends_in_one_line(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_lost_device_is_reported_in_one_line(
+        self, sound: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         text = "INTERNAL: CUDA_ERROR_ECC_UNCORRECTABLE\nstack\nstack"
         message = self.fail(sound, monkeypatch, text)
         for named in ("CUDA_ERROR_ECC_UNCORRECTABLE", "00000006.ckpt", f"footfall train --resume {sound}"):
             assert named in message
         assert (sound / FOLDER / "device_error.txt").read_text() == text
 
-    def test_a_failing_back_end_is_one_line(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_failing_back_end_is_reported_in_one_line(
+        self, sound: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         def failing() -> None:
             raise RuntimeError("Unable to initialize backend 'cuda': no device\nmore")
 
@@ -172,7 +179,9 @@ class TestDevice:
             with pytest.raises(UserError, match=r"backend 'cuda': no device$"):
                 use(sound)
 
-    def test_its_own_defect_has_a_traceback(self, sound: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_an_unexpected_exception_has_a_traceback(
+        self, sound: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         text = "INTERNAL: CpuCallback error: Traceback (most recent call last): ..."
         with pytest.raises(jax.errors.JaxRuntimeError):
             self.fail(sound, monkeypatch, text)

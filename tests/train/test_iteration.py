@@ -37,18 +37,18 @@ class TestIteration:
         assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
 
     def test_the_normaliser_moves_after_learning(self) -> None:
-        """The normaliser moves after learning, otherwise the actor would seem to have changed."""
+        """Otherwise the actor would seem to have changed."""
         env = environment(shown=5.0)
         iterate = make_iteration(env, NETWORKS, CONFIG)
         _, metrics, _ = iterate(decided(begun(env)))
         assert float(metrics["learning/kl_mean"]) == pytest.approx(0.0, abs=NOT_MOVED)
 
-    def test_metrics_are_of_episodes_that_ended_and_rewards_of_a_second(self) -> None:
+    def test_lengths_are_of_ended_episodes_and_rewards_are_per_second(self) -> None:
         _, metrics, _ = self.after(environment(fallen=2, out_of_time=1))
         assert float(metrics["episode/length_s"]) == pytest.approx(10 * 0.02)
         assert float(metrics["reward/total"]) == pytest.approx(REWARD / 0.02)
 
-    def test_environments_are_at_the_level_of_the_steps_done(self) -> None:
+    def test_the_level_follows_the_number_of_steps(self) -> None:
         env = environment()
         state = begun(env)._replace(iteration=jnp.int32(3))
         _, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(state)
@@ -87,12 +87,12 @@ def test_it_learns_the_rewarded_action() -> None:
 
 
 def plain_loss(params: Any, *_: Any, **__: Any) -> tuple[Any, dict]:
-    """Quick to trace."""
+    """A loss that is quick to trace."""
     return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params)), {"kl_mean": jnp.float32(0.0)}
 
 
 class TestCounting:
-    """With episodes that count their steps."""
+    """Iterations with episodes that count their steps."""
 
     CONFIG = counting_config()
     NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
@@ -133,7 +133,9 @@ class TestCounting:
             assert seen.shape == (most, 3)
             newest = np.asarray(begun.env) + 2.0
             np.testing.assert_allclose(seen[-6:, 0], newest[:most], rtol=1e-6)
-        assert float(metrics["episode/length_s"]) == pytest.approx(2.5 * 0.05)  # of two steps and of three
+        assert float(metrics["episode/length_s"]) == pytest.approx(
+            2.5 * 0.05
+        )  # mean of episodes of two and three steps
         assert float(metrics["reward/total"]) == pytest.approx((25.0 + 2.0) / 0.05)
         assert float(metrics["steps"]) == pytest.approx(2.0)
         assert not {"done", "length"} & set(metrics)

@@ -1,4 +1,4 @@
-"""brax without its simulator."""
+"""brax's networks without its simulator."""
 
 import subprocess
 import sys

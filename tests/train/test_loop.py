@@ -57,7 +57,7 @@ class FakeTrainer(Trainer):
 
 @pytest.fixture
 def run(run: Run) -> Run:
-    """Of four iterations, with a checkpoint at the end only."""
+    """A run of four iterations with a checkpoint only at the end."""
     config = replace(run.config, ppo=replace(run.config.ppo, total_steps=ITERATIONS * STEPS))
     config = replace(config, checkpoint_interval_s=1e6)
     (run.folder / "config.yaml").write_text(dump(config))
@@ -101,7 +101,7 @@ def test_a_checkpoint_is_saved_when_it_is_due_and_after_its_metrics(run: Run) ->
         (ITERATIONS, [signal.SIGINT], [*(f"iterate {k}" for k in range(1, 5)), "save 4"]),  # it is complete
     ],
 )
-def test_a_signal_ends_it_after_the_iteration_with_a_checkpoint(
+def test_a_signal_ends_a_training_after_the_iteration_with_a_checkpoint(
     run: Run, during: int, signals: list[int], calls: list[str]
 ) -> None:
     def stop(iteration: int) -> None:
@@ -127,7 +127,9 @@ def test_other_processes_stop_and_save_with_the_main_one(run: Run, monkeypatch: 
 
 
 @pytest.mark.parametrize("main", [True, False])
-def test_a_failure_is_logged_first(run: Run, main: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_metrics_are_logged_before_a_failure_is_reported(
+    run: Run, main: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     class Failing(FakeTrainer):
         def iterate(self) -> dict[str, Any]:
             metrics = super().iterate()

@@ -37,7 +37,7 @@ def test_a_resumed_log_keeps_its_earlier_rows(tmp_path: Path) -> None:
     assert path.read_text() == '{"step": 10}\n{"step": 20}\n'
 
 
-def test_a_record_that_does_not_fit_leaves_no_part(disk: Path) -> None:
+def test_a_record_that_does_not_fit_on_the_disk_leaves_no_part(disk: Path) -> None:
     log = MetricsLog(disk, 0)
     log.write(1, {"reward/total": 1.0})
     filler = fill(disk)

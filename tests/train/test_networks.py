@@ -64,7 +64,7 @@ class TestBfloat16:
     def shown(self) -> dict[str, jax.Array]:
         return {n: jax.random.normal(jax.random.key(size), (50, size)) for n, size in SIZES.items()}
 
-    def test_outputs_are_those_of_float32_but_for_16_bits_rounding(self) -> None:
+    def test_outputs_equal_float32_within_the_rounding_of_16_bits(self) -> None:
         state = decided(begun(environment()))
         for rounded, exact in zip(
             *(self.outputs(networks, state, self.shown()) for networks in (self.NETWORKS, NETWORKS)),

@@ -6,7 +6,7 @@ from brax.training import networks
 from footfall.train.brax.numpy_zeros import numpy_zeros
 
 
-def test_jax_is_restored() -> None:
+def test_jaxs_functions_are_restored() -> None:
     before = networks.jnp
     with numpy_zeros():
         assert networks.jnp is np

@@ -90,8 +90,8 @@ class TestTakenOver:
             taken_over(broken, *trained.fresh(1), trained.run.config.ppo)
 
 
-def test_it_continues_with_the_loaded_networks(trained: Trained, go1: Robot, tmp_path: Path) -> None:
-    """Its export is the policy that it started from."""
+def test_fine_tuning_starts_with_the_loaded_networks(trained: Trained, go1: Robot, tmp_path: Path) -> None:
+    """An export before any iteration is the original policy."""
     other = trained.begin(7)
     observed = np.zeros((1, trained.env.observation_sizes["state"]), np.float32)
     trainer = BraxTrainer(trained.run, go1)
@@ -104,7 +104,7 @@ def test_it_continues_with_the_loaded_networks(trained: Trained, go1: Robot, tmp
 
 
 class TestSource:
-    def test_it_is_a_checkpoint_of_the_same_trainer_or_a_policy(self, trained: Trained) -> None:
+    def test_networks_come_from_a_checkpoint_of_the_same_trainer_or_a_policy(self, trained: Trained) -> None:
         spec = trained.run.folder
         assert find_source(spec, "brax").file == checkpoint.latest(trained.run.checkpoints)
         assert find_source(spec, "mine:Trainer").file == trained.run.policy

@@ -33,15 +33,15 @@ class TestEndsOfEpisodes:
         """The critic's value, the same for all observations."""
         return float(NETWORKS.value_network.apply(state.normalizer, state.params.value, observation())[0])
 
-    def test_after_a_fall_no_reward_is_expected(self) -> None:
+    def test_a_fall_is_not_bootstrapped(self) -> None:
         """The critic's target is the reward alone; its loss is a quarter of the squared error."""
         env = environment(fallen=ENVIRONMENTS)
         state = begun(env)
         _, losses = learnt(state, rolled_out(env, state))
         assert losses["v_loss"][0, 0] == pytest.approx(0.25 * (REWARD - self.value(state)) ** 2, rel=1e-4)
 
-    def test_after_a_time_out_the_expectation_stays(self) -> None:
-        """A time limit does not reveal the following rewards: the target is the critic's own value."""
+    def test_a_time_out_is_bootstrapped_with_the_critics_value(self) -> None:
+        """The target is the critic's own value."""
         env = environment(out_of_time=ENVIRONMENTS)
         state = begun(env)
         _, losses = learnt(state, rolled_out(env, state))
@@ -78,7 +78,7 @@ class TestLearningRate:
     def test_a_rate_never_exceeds_the_limit(self) -> None:
         assert self.rates(moved=1e-2, limit=1.2e-7, start=1e-7) == pytest.approx(1.2e-7)
 
-    def test_without_a_target_it_is_the_limit(self) -> None:
+    def test_without_a_target_the_rate_is_the_limit(self) -> None:
         env = environment()
         state = begun(env)
         state = state._replace(optimizer=ppo.with_learning_rate(state.optimizer, jnp.float32(0.5)))
@@ -86,7 +86,7 @@ class TestLearningRate:
 
 
 def test_a_long_gradient_is_clipped() -> None:
-    """Adam's first step would hide it: it is the same for any length. Its moments do not."""
+    """Adam's first step does not depend on the gradient's length, but Adam's moments do."""
     env = environment(fallen=ENVIRONMENTS)
     state = begun(env)
     optimizer, losses = learnt(state, rolled_out(env, state), replace(CONFIG, max_grad_norm=0.01))
@@ -153,7 +153,7 @@ class TestEpochs:
         np.testing.assert_allclose(following, (np.asarray(begun.env) + 3)[order.astype(int)], rtol=1e-6)
         assert len(np.unique(np.asarray(losses["key"]).reshape(12, -1), axis=0)) == 12
 
-    def test_parameters_go_down_the_gradient_by_the_learning_rate(
+    def test_each_step_changes_parameters_by_the_learning_rate(
         self, begun: TrainState, learnt: tuple[dict[str, Any], Any]
     ) -> None:
         """Adam's steps along a gradient that stays as it is are as long as its rate; there are twelve of

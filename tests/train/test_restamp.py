@@ -1,4 +1,4 @@
-"""Restamping changes only the digest, and only of a policy that otherwise fits the robot."""
+"""`restamp` changes only the digest, and only of a policy that otherwise fits the robot."""
 
 import shutil
 from dataclasses import replace
@@ -19,7 +19,7 @@ from footfall.train.restamp import restamp
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """The zoo's policy, with the digest of an earlier time."""
+    """A policy of the zoo with an outdated digest."""
     folder = tmp_path / "aged"
     shutil.copytree(ZOO / "go1-flat", folder)
     write(folder, digest="0123456789abcdef")

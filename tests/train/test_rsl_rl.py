@@ -50,7 +50,7 @@ PPO = replace(
 
 @pytest.fixture(scope="module")
 def torch_imported() -> Iterator[None]:
-    """torch, imported only where these tests run: every worker reads this file, and torch takes seconds.
+    """torch is imported only when these tests run: every worker reads this file, and importing takes seconds.
 
     All of them train in one environment, whose step is compiled once.
     """
@@ -121,7 +121,7 @@ def some_actions() -> torch.Tensor:
 # The environment
 
 
-def test_torch_sees_the_memory_of_jax(environment: TorchEnvironment) -> None:
+def test_torch_uses_the_memory_of_jax(environment: TorchEnvironment) -> None:
     seen, *_ = environment.step(some_actions())
     for name, array in environment.episodes.observation.items():
         assert seen[name].data_ptr() == array.unsafe_buffer_pointer()
@@ -131,7 +131,7 @@ def test_a_timeout_differs_from_a_fall(environment: TorchEnvironment) -> None:
     state = environment.episodes.state
     late = state._replace(
         steps=jnp.full_like(state.steps, environment.max_episode_length - 1),
-        qpos=state.qpos.at[:5, 2].set(0.05),  # five lie on the ground
+        qpos=state.qpos.at[:5, 2].set(0.05),  # five robots lie on the ground
     )
     environment.put(environment.episodes._replace(state=late))
     _, _, done, extras = environment.step(some_actions())
@@ -176,7 +176,7 @@ def metrics(run: Path) -> list[dict[str, float]]:
     return [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
 
 
-def test_the_run_folder_is_like_any_other(run: Path) -> None:
+def test_the_run_folder_has_the_files_of_any_trainer(run: Path) -> None:
     provenance = api.open_run(run).provenance
     assert provenance.trainer == "rsl_rl"
     assert {"torch", "rsl-rl-lib", "jax"} <= set(provenance.versions)
@@ -203,7 +203,9 @@ def test_the_exported_policy_carries_its_normaliser(run: Path) -> None:
 # Interrupted runs
 
 
-def test_it_resumes_exactly(preset: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_resumed_run_continues_exactly(
+    preset: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     iterate = RslRlTrainer.iterate
 
     def interrupted(self: RslRlTrainer) -> dict[str, float]:
@@ -218,7 +220,7 @@ def test_it_resumes_exactly(preset: str, run: Path, tmp_path: Path, monkeypatch:
             api.train(request(preset, folder))
     assert newest(folder).name == "00000002.ckpt"
     assert not (folder / "policy.onnx").exists()
-    torch.manual_seed(99)  # independent of what the process did in between
+    torch.manual_seed(99)  # independent of other work of the process
     api.resume(folder)
     assert newest(folder).read_bytes() == newest(run).read_bytes()
     assert (folder / "policy.onnx").read_bytes() == (run / "policy.onnx").read_bytes()

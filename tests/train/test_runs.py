@@ -42,7 +42,7 @@ def logged_steps(run: Path) -> list[int]:
 def test_the_same_seed_gives_the_same_bits_and_a_killed_run_resumes_to_them(
     six_iterations: str, whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A kill leaves the state before a file is renamed.
+    """Killed before a file is renamed, a run still has the earlier state.
 
     At its first checkpoint, rename 3 after its settings' two files, and at its last.
     """
@@ -67,7 +67,9 @@ def test_the_same_seed_gives_the_same_bits_and_a_killed_run_resumes_to_them(
         assert logged_steps(run) == logged_steps(whole_run)
 
 
-def test_a_finished_run_remains(whole_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_finished_run_is_not_changed(
+    whole_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     run = api.open_run(Path(shutil.copytree(whole_run, tmp_path / "run")))
     began = replace(run.provenance, device="NVIDIA H100", revision="0f1e2d")
     (run.folder / "run.yaml").write_text(dump(began))
@@ -103,7 +105,9 @@ def test_a_robot_that_was_changed_since_is_refused(own_folder: Path, tmp_path: P
     assert trained_robot(before_digests_were_kept).digest != run.provenance.robot_digest
 
 
-def test_own_robots_run_resumes(own_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_with_a_users_robot_can_be_resumed(
+    own_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(own_folder.parent)
     request = api.TrainRequest(robot=own_folder.name, preset="smoke", out=tmp_path / "run")
     folder = api.begin(request)
@@ -142,7 +146,7 @@ def test_deployment_computes_the_same_as_training(whole_run: Path) -> None:
         q, qd, w = (np.asarray(x, np.float64) for x in (state.qpos, state.qvel, state.qvel[3:6]))
         sensed = Sensed(w, np.zeros(3), q[3:7], q[7:], qd[6:], np.zeros(12))
         command = policy.act(PolicyInput(k * 0.02, sensed, np.asarray(state.command), np.zeros(3), 0.3))
-        if k > 0:  # the reset's own frame was made at another clock
+        if k > 0:  # the reset's frame has another phase of the clock
             assert np.allclose(policy.observed, seen["state"], atol=1e-5)
         state, result = step(state, jnp.asarray(policy.action))
         seen = result.observation

@@ -5,7 +5,7 @@ import pytest
 from footfall.train.runs.speed import Speed
 
 
-def test_a_burst_of_reports_does_not_look_fast() -> None:
+def test_a_burst_of_reports_does_not_raise_the_speed() -> None:
     speed = Speed(0.0, 0)
     assert speed.after(2.0, 100) == 50.0
     assert speed.after(2.000001, 200) == pytest.approx(100.0, rel=1e-3)

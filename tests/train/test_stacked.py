@@ -18,5 +18,5 @@ def test_scalars_keep_their_names_through_a_program_and_to_the_host() -> None:
     assert set(found) == {"a", "b"}
 
 
-def test_scalars_that_are_not_stacked_are_read_one_by_one() -> None:
+def test_scalars_that_are_not_stacked_are_read_separately() -> None:
     assert floats({"a": jnp.float32(1.0), "b": 2}) == {"a": 1.0, "b": 2.0}

@@ -150,7 +150,7 @@ def drawn(config: SweepConfig) -> list[dict[str, object]]:
     return [dict(search.next_trial().config) for _ in range(config.points)]
 
 
-def test_a_files_draws_are_the_same_each_time_and_the_same_for_each_seed() -> None:
+def test_draws_are_reproducible_and_the_same_for_each_seed() -> None:
     space = {"ppo.learning_rate": {"loguniform": [1e-4, 1e-2]}, "ppo.entropy_coef": {"uniform": [0.0, 0.01]}}
     config = SweepConfig(space, seeds=(3, 4), trials=5)
     settings = drawn(config)
@@ -172,7 +172,7 @@ def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(six_iterations: 
     assert (run.provenance.seed, run.provenance.trainer) == (5, "brax")
     assert [report["environment_steps"] for report in reports] == [256 * k for k in range(1, ITERATIONS + 1)]
     assert all({METRIC, "episode/length_s", "speed/steps_per_s"} <= set(report) for report in reports)
-    # Resumed, it finds its run, and nothing left to do.
+    # When resumed, the trial finds its finished run.
     train_trial(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
     assert len(reports) == ITERATIONS
 
@@ -191,7 +191,7 @@ def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
         if settings["ppo.clip_param"] == BAD_CLIP and settings["seed"] == 1:
             raise RuntimeError("it diverged")
         run.touch()
-        # Its last iteration has an outlier; the mean of the last ten is the seed and a tenth.
+        # The last iteration is an outlier; the mean of the last ten is the seed plus 0.1.
         values = [settings["seed"] + 9.0] + [settings["seed"] + 1.0] * 9 + [settings["seed"] - 8.0]
         metrics.write_text("".join(json.dumps({METRIC: value}) + "\n" for value in values))
         tune.report({METRIC: values[-1], "environment_steps": 256})
@@ -240,7 +240,7 @@ def trial(point: int, value: float) -> Trial:
     return Trial("folder", 0, {"ppo.clip_param": point}, value, 1, "")
 
 
-def test_points_are_ranked_by_their_mean_not_by_their_luckiest_seed() -> None:
+def test_points_are_ranked_by_their_mean_not_by_their_best_seed() -> None:
     lucky, steady = [trial(1, 0.0), trial(1, 1.0)], [trial(2, 0.3), trial(2, 0.4)]
     first, second = points_of(lucky + steady, "min")
     assert (first.settings, first.mean) == ({"ppo.clip_param": 2}, pytest.approx(0.35))

@@ -36,7 +36,7 @@ class TestMirror:
         state = decided(begun(env))
         return state, rolled_out(env, state)
 
-    def test_a_mirrored_policy_that_has_not_changed_has_not_moved(self) -> None:
+    def test_mirror_images_do_not_count_as_a_change_of_the_policy(self) -> None:
         state, rollout = self.begun()
         still = replace(CONFIG, learning_rate=1e-12, final_learning_rate=0.0, num_learning_epochs=3)
         _, losses = learnt(state, rollout, still, self.SWAP)
