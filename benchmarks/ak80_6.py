@@ -128,7 +128,7 @@ def run(task: Task) -> dict[str, Any]:
 
 
 def held_out(windows: Shooting, kind: str, number: int) -> np.ndarray:
-    """Windows, (W,), that judge: of one recording, or every third block of all."""
+    """Held-out windows, (W,): of one recording, or every third block of all."""
     if kind == "recording":
         return windows.recording == number
     first = np.searchsorted(windows.recording, windows.recording)
@@ -137,7 +137,7 @@ def held_out(windows: Shooting, kind: str, number: int) -> np.ndarray:
 
 
 def explained(errors: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """Share of the motion from the start of each window, (2,), that is explained; arguments are (W, R, 2)."""
+    """Share of the motion from each window's start that a fit explains, (2,); arguments are (W, R, 2)."""
     motion = measured - measured[:, :1]
     result: np.ndarray = 1.0 - (errors**2).sum(axis=(0, 1)) / (motion**2).sum(axis=(0, 1))
     return result

@@ -37,7 +37,7 @@ class Walk(NamedTuple):
     policy: str
     forward_m_s: float
     yaw_rad_s: float
-    pushes: int  # each in another direction
+    pushes: int  # number of pushes, each in another direction
     duration_s: float
 
     def command(self, time_s: float) -> np.ndarray:
@@ -58,7 +58,7 @@ WALKS = (
 
 
 def push(number: int) -> Push:
-    """Push `number` of a walk; each comes from another side."""
+    """Push `number` of a walk; each push has another direction."""
     angle = 1.3 * number
     return Push(
         FIRST_PUSH_S + PUSH_EVERY_S * number, (PUSH_M_S * np.cos(angle), PUSH_M_S * np.sin(angle), 0.0)

@@ -56,7 +56,7 @@ QUEUE_FRAMES = 64  # enough that no write waits
 
 
 class StillRobot:
-    """Motors and an IMU that answer at once: everything stands in the default pose."""
+    """Motors and an IMU that answer at once: all joints are in the default pose."""
 
     def __init__(self, robot: Robot) -> None:
         wiring = wiring_of(robot)

@@ -34,14 +34,14 @@ from footfall.train.brax.state import initial_state
 from footfall.train.config import TrainConfig, load_preset
 
 ROBOT = load_robot("go1")
-WARM_UP = 200  # control steps until falls are spread over time
+WARM_UP = 200  # control steps after which the robots no longer fall at the same time
 STD = 0.3  # of random actions
-# Works; returns the environment steps done, and how many ended episodes.
+# Runs some steps; returns the number of environment steps, and how many of them ended an episode.
 Round = Callable[[], tuple[int, float]]
 
 
 def main() -> None:
-    """Measure all and print one line for each level."""
+    """Measure each level and print one line for it."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def measure(rounds: dict[Any, Round], count: int) -> tuple[dict[Any, float], float]:
-    """Environment steps per second of each, median over rounds that take turns, and the share that ended."""
+    """Median environment steps per second of each physics, and the share of steps that ended an episode."""
     seen: dict[Any, list[float]] = {key: [] for key in rounds}
     steps_done, episodes_ended = 0, 0.0
     for one in rounds.values():
@@ -160,7 +160,7 @@ def environment(config: TrainConfig, batch: int, calls: int = 20) -> Round:
 
 
 def gymnasium_vector(config: TrainConfig, batch: int, calls: int = 20) -> Round:
-    """The same through gymnasium's vector interface, step by step from Python."""
+    """Environment steps through gymnasium's vector interface, step by step from Python."""
     env = footfall.gym.make_vector("go1", batch, physics=config.env.physics)
     env.reset(seed=0)
     generator = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""Policies that go wrong once SIGUSR1 comes, for a controller in a process of its own (`socketcan.py`)."""
+"""Policies that fail when the process receives SIGUSR1, for `socketcan.py`."""
 
 import signal
 import time
@@ -12,7 +12,7 @@ from footfall.robots.description import Robot
 
 
 class _FailsOnSignal(HoldDefaultPose):
-    """Holds the default pose until the signal, then returns `wrong`."""
+    """Holds the default pose until the signal, then returns the command of `wrong`."""
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(robot)
@@ -27,7 +27,7 @@ class _FailsOnSignal(HoldDefaultPose):
         return command if self._good else self.wrong(command)
 
     def wrong(self, command: JointCommand) -> JointCommand:
-        """The command after the signal, from the right one."""
+        """The wrong command that replaces this command after the signal."""
         raise NotImplementedError
 
 

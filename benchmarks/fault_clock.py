@@ -2,8 +2,8 @@
 
     python benchmarks/fault_clock.py [--seeds 3] [--rate 500]
 
-`fault_table.py` covers the other faults, in lockstep. `go1-flat` walks in simulation. The fault comes after
-half a second, and the run goes on for two more. The row without a fault shows whether the machine keeps up at
+`fault_table.py` covers the other faults, in lockstep. `go1-flat` walks in simulation. The fault begins after
+half a second; the run ends two seconds later. The row without a fault shows whether the machine keeps up at
 this rate: nothing else should run on it. Exit status 1 if a row is not as expected.
 """
 
@@ -35,12 +35,12 @@ from footfall.robots.description import load_robot
 
 ROBOT, POLICY = "go1", "go1-flat"
 COMMAND = np.array([0.4, 0.0, 0.0])
-AT_S, OBSERVED_S = 0.5, 2.0  # of walking when the fault comes, and how long the run is watched after it
+AT_S, OBSERVED_S = 0.5, 2.0  # walking time before the fault, and time from the fault to the end of the run
 STAND_S = 0.8
 
 
 class AddedDelay:
-    """Time that is lost in each policy step and after each tick, or after one tick alone."""
+    """Delays each policy step and each tick, or one tick alone."""
 
     def __init__(self, in_step_s: float = 0.0, in_tick_s: float = 0.0, once: bool = False) -> None:
         self._in_step_s, self._in_tick_s, self._once = in_step_s, in_tick_s, once

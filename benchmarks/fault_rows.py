@@ -1,6 +1,6 @@
 """The fault table: rows of runs with a fault, counts of runs without one, and docs/faults.json.
 
-No benchmark itself: `fault_table.py` calls it.
+Not a benchmark itself: `fault_table.py` calls it.
 """
 
 import json
@@ -19,7 +19,7 @@ from healthy_runs import KINDS as HEALTHY
 
 from footfall.deploy.modes import Mode
 
-ROUNDING = 0.04  # of a motor's peak torque: what a frame's quanta may add to a command of the smallest motors
+ROUNDING = 0.04  # share of peak torque: largest rounding error of a frame, for the smallest motors
 
 
 def rows(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -130,7 +130,7 @@ def _ms(seconds: float | None) -> int | None:
 
 
 def _worst(row: dict[str, Any]) -> str:
-    """What went beyond a limit, if anything."""
+    """The limit that a command exceeded, if any."""
     if row["group"] == "at the start" and not row["stiff"]:
         return "no stiffness"
     over = []

@@ -61,16 +61,16 @@ class Run:
     kind: str
     seed: int
     detected: bool
-    seconds: float | None  # from the fault to damping, or to the beginning of lying down
+    seconds: float | None  # time from the fault to damping, or to the beginning of lying down
     fault: str  # the supervisor's message
     final_state: str
-    fell: bool  # before the supervisor's fault
+    fell: bool  # whether the robot fell before the supervisor's fault
     torque_over: float
     outside_rad: float
     rate_share: float
     stiff: bool  # whether any motor got stiffness
     stiff_when_damped: bool  # whether any motor got stiffness while the loop damped the robot
-    came: bool  # whether the fault was injected; not the case if the robot should have fallen and did not
+    came: bool  # whether the fault was injected; it is not if the push did not make the robot fall
 
 
 def kind_of(name: str) -> FaultKind:
@@ -90,17 +90,17 @@ class Watch:
         self._at_s = math.inf if kind.starting else float(rng.uniform(*BETWEEN_S))
         self._up_s = float(rng.uniform(*UP_BETWEEN_S)) if kind.getting_up else 0.0
         self._pushed = False
-        self.ended = False  # whether the time to notice the fault is over
+        self.ended = False  # whether the observed time after the fault is over
         self.loop: ControlLoop | None = None
         self.injected_us: int | None = 0 if kind.starting else None
-        self.safe_us: int | None = None  # damped, or on its way to lie down
+        self.safe_us: int | None = None  # time at which the robot was damped, or began to lie down
         self.fault = ""  # the supervisor's message at that time
         self.fell = False
         self._look_us, self._down_s = 0, 0.0
         injector.bus.watch = self._audit_frames
 
     def _down(self, mode: Mode) -> bool:
-        """Whether the robot has fallen; one that lies before it stands up has not."""
+        """Whether the robot has fallen. A robot that lies before it stands up has not."""
         body = self._injector.body
         if self._kind.lying and mode not in DECIDING:
             return bool(tilt(body.truth().base_quaternion) > TIPPED_RAD)
@@ -115,7 +115,10 @@ class Watch:
             audit.update(frames, sensed.joint_position, sensed.joint_velocity)
 
     def _due(self, loop: ControlLoop) -> bool:
-        """Whether it is time for the fault. For faults of getting up, the robot is pushed over first."""
+        """Whether the time for the fault has come.
+
+        For faults while getting up, the robot is pushed over first.
+        """
         mode = loop.state.mode
         if not self._kind.getting_up:
             return mode is Mode.WALKING and loop.walking_s >= self._at_s
@@ -213,7 +216,7 @@ def run_fault(task: FaultTask) -> dict[str, Any]:
 
 
 def draws_of(seed: int, title: str) -> np.random.Generator:
-    """Random generator of a run, which depends only on seed and title."""
+    """Random generator of a run; it depends only on seed and title."""
     return np.random.default_rng([seed, zlib.crc32(title.encode())])
 
 

@@ -1,6 +1,6 @@
 """Robots, policies and grounds of the fault table, and the parts that its kinds of runs share.
 
-No benchmark itself: `fault_table.py` and its parts use it.
+Not a benchmark itself: `fault_table.py` and its parts use it.
 """
 
 from dataclasses import replace
@@ -35,7 +35,7 @@ class Subject(NamedTuple):
 
 
 SCENARIOS = Path(__file__).with_name("rough_ground.yaml")  # besides those of `footfall evaluate`
-SUBJECTS = {  # whether all rows are tried, or the main ones
+SUBJECTS = {  # whether a subject has all rows, or only the main ones
     Subject("go1", "go1-flat"): True,
     Subject("go1", "mpc"): True,
     Subject("hexapod", "hexapod-flat"): False,
@@ -68,7 +68,7 @@ class FaultTask(NamedTuple):
 
 
 class HealthyTask(NamedTuple):
-    """A run without one."""
+    """A run of a healthy robot."""
 
     robot: str
     policy: str
@@ -134,5 +134,8 @@ def drawn_command(rng: np.random.Generator) -> np.ndarray:
 
 
 def is_first(subject: Subject) -> bool:
-    """Whether it is the first of its robot, which alone is tried where the walking policy does not matter."""
+    """Whether it is the robot's first subject.
+
+    Rows that do not depend on the walking policy have only this one.
+    """
     return next(each for each in SUBJECTS if each.robot == subject.robot) == subject

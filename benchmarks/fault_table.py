@@ -1,4 +1,4 @@
-"""Puts robots through every kind of fault in `benchmarks/fault_kinds`, and counts false alarms without any.
+"""Injects every kind of fault in `benchmarks/fault_kinds` into walking robots, and counts false alarms.
 
     python benchmarks/fault_table.py --seeds 100 --healthy 1000 --out faults.jsonl
     python benchmarks/fault_table.py --read faults.jsonl --json docs/faults.json
@@ -34,7 +34,10 @@ from resumable_runs import read_runs, run_resumable
 
 
 def is_tried(subject: Subject, kind: FaultKind) -> bool:
-    """Whether there is such a row. The policy that walks has no part in wiring, getting up and batteries."""
+    """Whether the table has this row.
+
+    Wiring, getting up and batteries do not depend on the walking policy.
+    """
     if not (SUBJECTS[subject] or kind.main):
         return False
     if kind.wiring:
@@ -65,7 +68,7 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
     rows_of = {subject: [kind for kind in kinds if is_tried(subject, kind)] for subject in chosen}
     faults = [
         FaultTask(subject.robot, subject.policy, title_of(kind), seed, subject.ground)
-        for seed in seeds  # first, so that a run that is stopped has some of each kind
+        for seed in seeds  # outermost, so that an interrupted run has results of each kind
         for subject in chosen
         for kind in rows_of[subject]
     ]

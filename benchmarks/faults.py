@@ -1,4 +1,4 @@
-"""How many faults, made by hand, do the tests notice?
+"""How many faults, written by hand, do the tests notice?
 
     python benchmarks/faults.py --workers 16 --out faults.jsonl
     python benchmarks/faults.py --rooms robots,plant --python .venv/bin/python
@@ -114,7 +114,7 @@ class Tests:
             output, _ = process.communicate(timeout=self._timeout_s)
         finally:
             with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)  # and whatever its tests left running
+                os.killpg(process.pid, signal.SIGKILL)  # also the processes that its tests left running
         if process.returncode in (0, 5):
             return None
         found = FAILED.search(output)

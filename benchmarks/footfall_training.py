@@ -3,8 +3,8 @@
     python benchmarks/footfall_training.py --preset gpu --out kept
 
 Run by `time_to_quality.py`. Writes one file for each policy that was kept, and `kept.json` with the seconds
-since --began and the environment steps of each. What is kept is copied to the host between two iterations,
-which the training waits for; files are written once it is over.
+since --began and the environment steps of each. Kept parameters are copied to the host between two
+iterations, while the training waits; files are written at its end.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Malformed input at every reader: nothing may end in a traceback, or in an unsafe command.
+"""Malformed input to every reader: no input may cause a traceback or an unsafe command.
 
     python benchmarks/fuzz.py [--what logs frames yaml policies] [--count N] [--workers 1] [--out FILE]
 
@@ -10,7 +10,7 @@ and contracts changed.
 
 Cases are run in pieces, and each piece's result is a line of --out. A run that was stopped, or that
 --time-limit ended, continues from that file. Prints a JSON object for each kind, with counts of cases for
-each reader (of batches for `frames`). Exit status 1 if anything escaped.
+each reader (of batches for `frames`). Exit status 1 if there was an unexpected exception.
 """
 
 import argparse

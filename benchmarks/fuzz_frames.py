@@ -1,4 +1,4 @@
-"""Malformed CAN frames to both ends of each maker's protocol. No benchmark itself: see fuzz.py.
+"""Malformed CAN frames to both ends of each maker's protocol. Not a benchmark itself: see fuzz.py.
 
 One batch goes to the joint layer. Its next command is decoded as a motor decodes it, and checked against the
 robot's limits with formulas that are independent of the joint layer's. Another batch goes to the motors.
@@ -30,7 +30,7 @@ TICK_S, STEP_S = 0.002, 0.001  # periods of the loop and of the motors
 STEPS_A_TICK = round(TICK_S / STEP_S)
 INTRODUCED_S = 1.0  # longest time for a driver to learn its motors' settings: `start_timeout_s`
 TORQUE_ROUNDING = 0.04  # share of peak torque: largest quantisation error of a frame, as in the fault table
-TARGET_ROUNDING_RAD = 0.0004  # one quantum of a 16-bit position over 12.5 rad to either side
+TARGET_ROUNDING_RAD = 0.0004  # one quantum of a 16-bit position over 12.5 rad in both directions
 
 
 def fuzz_frames(cases: range) -> Tally:
@@ -66,7 +66,7 @@ def fuzz_motors_of(model: str, known: bool, batches: range, tally: Tally) -> Non
 
 
 def introduce(robot: Robot, driver: Driver, joints: JointLayer, motors: SimulatedMotors) -> None:
-    """Query and enable motors until all are known and enabled, as the loop does before standing up."""
+    """Query all settings and enable all motors, as the loop does at its start."""
     readings = np.zeros((3, len(motors.enabled)))
     readings[0] = robot.default_pose
     for tick in range(round(INTRODUCED_S / TICK_S)):
@@ -145,7 +145,7 @@ def with_other_data(usual: Sequence[Frames], rng: np.random.Generator) -> Frames
 
 
 def flipped(data: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """Bytes (k, 8), a share of them with one bit flipped."""
+    """Bytes (k, 8); in a share of the rows one bit is flipped."""
     bit = np.uint8(1) << rng.integers(8, size=data.shape, dtype=np.uint8)
     return data ^ (bit * (rng.random(data.shape) < share)).astype(np.uint8)
 

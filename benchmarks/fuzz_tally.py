@@ -1,4 +1,7 @@
-"""Counts malformed input that was taken, refused in one line, or escaped. No benchmark itself."""
+"""Counts malformed input that was accepted, refused in one line, or caused an unexpected exception.
+
+Not a benchmark itself.
+"""
 
 import traceback
 from collections import Counter
@@ -15,7 +18,7 @@ class Tally:
         self.escaped: dict[str, str] = {}
 
     def attempt(self, reader: str, case: int, work: Callable[[], object]) -> None:
-        """Run `work` of a reader; any exception but a UserError has escaped."""
+        """Run `work` of a reader; any exception but a UserError counts as unexpected."""
         ends = self.ends.setdefault(reader, Counter())
         try:
             work()

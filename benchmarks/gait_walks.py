@@ -1,4 +1,4 @@
-"""How each gait walks five metres straight ahead.
+"""How straight and fast each gait walks over five metres.
 
     python benchmarks/gait_walks.py --workers 16 --out gait_walks.jsonl
 

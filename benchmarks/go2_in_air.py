@@ -10,7 +10,7 @@ as the signs of the hips show. The model gives the links; its armature and losse
 Windows of 1 s are simulated from their own initial states, which are refined under a prior. Every fourth
 window is held out. Legs are fitted one by one. The motion stays below 1.5 Hz, where a delay has the same
 effect as armature and damping. The fit names such undetermined directions, and a fit is shown for each of
-several fixed delays. The base is taken as fixed; the recording cannot show whether it swung.
+several fixed delays. The fit assumes a fixed base; the recording does not show whether the base swung.
 """
 
 import argparse
@@ -53,7 +53,7 @@ Task = tuple[str, str, int, str, float | None]  # data, model, leg; what is free
 
 @functools.cache
 def legs_of(model: str) -> tuple[tuple[str, ...], tuple[FixedLeg, ...]]:
-    """Joint names and legs of the robot of an MJCF."""
+    """Joint names and legs of an MJCF's robot."""
     with tempfile.TemporaryDirectory() as folder:
         request = ImportRequest(
             Path(model), Path(folder) / "robot", RANGES, usual=default_ranges(), gaits_of=gaits_of
@@ -66,7 +66,7 @@ def read(path: Path, joints: Sequence[str]) -> Recording:
     """The recording, with its joints in this order.
 
     Raises:
-        UserError: it is no such file.
+        UserError: the file has another format.
     """
     try:
         with np.load(path) as file:
@@ -173,7 +173,7 @@ def _delay(fit: dict[str, Any]) -> float:
 
 
 def _row(fits: list[dict[str, Any]]) -> list[str]:
-    """Errors, then each quantity: hip / thigh / calf."""
+    """A table row: the errors, then each quantity as hip / thigh / calf."""
     errors = np.array([fit["held_out_mrad"] for fit in fits])
     total = np.sqrt((errors**2).mean())
     cells = [f"{total:.1f} ({' / '.join(f'{each:.1f}' for each in np.sqrt((errors**2).mean(axis=0)))})"]

@@ -1,6 +1,6 @@
 """Runs of healthy robots, which the supervisor should not stop: the rate of false alarms.
 
-No benchmark itself: `fault_table.py` calls it.
+Not a benchmark itself: `fault_table.py` calls it.
 """
 
 import math
@@ -25,7 +25,7 @@ from footfall.robots.description import Robot
 KINDS = ("nominal", "pushed", "randomised")  # no pushes; pushes; pushes and a new random robot in each run
 EPISODE_S = 6.0  # duration of a run with pushes
 NOMINAL_S = 12.0  # duration of a run without pushes
-FALL_S = 1.0  # upper limit of the time that an unrecoverable robot takes to fall to the ground
+FALL_S = 1.0  # longest time in which a robot that tips over reaches the ground
 PUSH_M_S = 0.6
 
 
@@ -53,7 +53,10 @@ def run_healthy(task: HealthyTask) -> dict[str, Any]:
 
 
 def _beyond_falls(config: DeployConfig) -> DeployConfig:
-    """The same limits, except those that a falling robot exceeds: these are out of its reach."""
+    """The same limits, except those that a falling robot exceeds.
+
+    They are so high that no fall reaches them.
+    """
     sensors = replace(config.safety.sensors, sunk=1.0, rotation_rad=math.pi, lean_error=2.0, lift_error=2.0)
     return replace(config, safety=replace(config.safety, tilt_limit_rad=math.pi / 2, sensors=sensors))
 
@@ -62,7 +65,7 @@ Course = tuple[VelocityFunction, tuple[Push, ...], float]  # commands, pushes, d
 
 
 class Walk(NamedTuple):
-    """How a healthy robot's walk ended. Times count from the start of walking, s."""
+    """The end of a healthy robot's walk. Times count from the start of walking, s."""
 
     fault: str  # the supervisor's message; empty without a fault
     fault_s: float | None

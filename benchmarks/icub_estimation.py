@@ -32,7 +32,7 @@ from footfall.robots.description import Robot
 RECORDINGS = ("walking", "com-sinusoid")
 LEGS = slice(14, 26)  # of the recorded joints: neck, torso, arms, then left and right leg
 FIRST = 300  # samples at rest: the default pose
-SETTINGS = {  # the robot's encoders and accelerometer are good, its feet land hard
+SETTINGS = {  # the robot's encoders and accelerometer are accurate, its feet land with hard impacts
     "own_attitude": True,
     "filter": {
         "leg_velocity_noise": 0.01,

@@ -62,7 +62,7 @@ class Target:
 
     unit: str
     most: float
-    per_unit: float  # of the error's unit in one of the quantity's
+    per_unit: float  # factor from the quantity's unit to the error's unit
     relative: bool
 
 
@@ -105,7 +105,7 @@ def drawn(robot: Robot, number: int, family: Randomisation = FAMILY, seed: int =
 
 
 def recorded(robot: Robot, sample: Sample, motion: ExcitationConfig, seed: int, folder: Path) -> Recording:
-    """A recording of the robot with a sample's differences."""
+    """A recording of the robot with a sample's parameters."""
     log = folder / f"{seed}.mcap"
     outcome = record(robot, simulated_bus(robot, sample, seed=seed), log, motion)
     if outcome.faults or outcome.final_state != "IDLE":
@@ -137,7 +137,7 @@ def truth_of(
 
 
 def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str], float]) -> Outcome:
-    """A leg's fit beside the truth."""
+    """A leg's fit compared with the truth."""
     outcome = Outcome(number, leg.name, undetermined=[each.label for each in fit.frozen])
     errors, off = defaultdict(list), defaultdict(list)
 
@@ -166,7 +166,7 @@ def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str],
 
 
 def run(name: str, number: int, legs: int) -> list[Outcome]:
-    """Record, fit and judge some legs of one draw: other ones in the next."""
+    """Record, fit and evaluate some legs of one draw; the next draw takes other legs."""
     robot = load_robot(name)
     sample, all_legs = drawn(robot, number), fixed_legs(robot)
     with tempfile.TemporaryDirectory() as folder:

@@ -77,7 +77,7 @@ WIDE_NAME, IDENTIFIED, TRUE = "wide", "identified", "true"
 
 @cache
 def hidden(number: int) -> Sample:
-    """The hidden robot's differences from the nominal one."""
+    """The hidden robot's parameters, relative to the nominal robot."""
     return drawn(load_robot(ROBOT), number, HIDDEN, seed=320)
 
 
@@ -108,7 +108,10 @@ def prepare(number: int, out: Path) -> None:
 
 
 def _from_joint_to_joint(sample: Sample) -> Randomisation:
-    """Ranges about the folder's own robot: those of what its MJCF does not hold, the rest is nominal."""
+    """Ranges around the folder's own robot, for quantities that its MJCF does not hold.
+
+    Others are nominal.
+    """
     nominal = {name: Distribution(1.0, 1.0) for name in ("armature", "joint_friction", "link_mass")}
     nominal["joint_damping"] = Distribution(0.0, 0.0)
     spread = {
@@ -179,7 +182,7 @@ def judge(policies: list[Path], robots: Path, number: int, workers: int, out: Pa
 
 
 def row_of(policy: str, scenario: str, found: list[EpisodeMetrics]) -> dict:
-    """Tracking and energy over the time walked, and falls."""
+    """A policy's tracking, energy and falls, over the time that it walked."""
     scored = np.array([each.scored_s for each in found])
 
     def rms(name: str) -> float:

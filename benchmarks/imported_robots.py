@@ -37,7 +37,7 @@ WALKED = 0.5  # smallest share of the commanded speed that counts as walking
 
 
 class Trial(NamedTuple):
-    """A robot, with duration and number of trials for each controller."""
+    """A robot, and the duration and number of each controller's walks."""
 
     robot: str
     seconds: float

@@ -95,7 +95,7 @@ def touching(trace: Trace, tick: int, robot: str) -> Iterator[str]:
 
 
 def one_line(policy: str, records: list[dict[str, Any]], failed: int) -> str:
-    """Totals so far."""
+    """Totals of the episodes in the file."""
     pairs: Counter[str] = sum((Counter(record["pairs"]) for record in records), Counter())
     share = sum(record["share"] for record in records) / max(len(records), 1)
     return (

@@ -1,4 +1,4 @@
-"""How a robot lies down after its policy fails while walking: on its belly, or turned over.
+"""How a robot lies down after its policy fails while walking: on its belly, or on its back.
 
     python benchmarks/lying_down.py --policy go1-flat --speed 1.8 --seeds 20
     python benchmarks/lying_down.py --speed 1.8 --set sink_share=0.0 sink_rate_rad_s=8.0

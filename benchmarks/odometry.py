@@ -259,7 +259,7 @@ def run(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[str]]:
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     walks = [
         Walk(name, policy, path, plant, seed, options.duration, options.scale_error)
-        for seed in seeds  # outermost, so that a run that is stopped has some of each kind
+        for seed in seeds  # outermost, so that an interrupted run has results of each kind
         for name in options.robots.split(",")
         for policy in (*walking_controllers(load_robot(name)), *zoo_names(load_robot(name)))
         if not chosen or policy in chosen

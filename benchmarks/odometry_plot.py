@@ -17,14 +17,15 @@ WIDTH_IN, HEIGHT_IN, DPI = 7.0, 7.4, 200  # 1400 pixels wide; the text is readab
 COLOURS = ("#2380c2", "#e06000", "#009e73", "#cc79a7", "#b8860b")
 PLANT, SHOWN_PATH = "randomised", "rectangle"
 WITHIN = (5.0, 50.0, 95.0)  # percentiles of the walks
-STILL_GOING = 0.5  # share of the walks that must reach a distance for its percentiles to be shown
+REACHED_SHARE = 0.5  # share of the walks that must reach a distance for its percentiles to be shown
 STEP_M = 0.05
 
 
 def drift_over_distance(walks: Sequence[Walk]) -> tuple[np.ndarray, np.ndarray]:
     """Distances (k,) m, and the percentiles `WITHIN` of the position error after each, (3, k) m.
 
-    Each walk counts up to its length; distances reached by fewer than `STILL_GOING` of the walks are omitted.
+    Each walk counts up to its length; distances reached by fewer than `REACHED_SHARE` of the walks are
+    omitted.
     """
     courses = []
     for walk in walks:
@@ -32,7 +33,7 @@ def drift_over_distance(walks: Sequence[Walk]) -> tuple[np.ndarray, np.ndarray]:
         way = np.concatenate([[0.0], np.linalg.norm(np.diff(true, axis=0), axis=1).cumsum()])
         courses.append((way, np.linalg.norm(error, axis=1)))
     reached = np.sort([way[-1] for way, _ in courses])[::-1]
-    farthest = reached[max(0, int(np.ceil(STILL_GOING * len(courses))) - 1)]
+    farthest = reached[max(0, int(np.ceil(REACHED_SHARE * len(courses))) - 1)]
     distance = np.arange(0.0, farthest, STEP_M)
     errors = np.array([np.interp(distance, way, error, right=np.nan) for way, error in courses])
     return distance, np.nanpercentile(errors, WITHIN, axis=0)

@@ -43,7 +43,7 @@ def measure(impl: str, environments: int, iterations: int, task: str = TASK) -> 
         return found | {"failed": "not installed (pip install playground)"}
     supply_device_put_replicated()
     try:
-        with stand_in_meshes():
+        with placeholder_meshes():
             (begun_s, _), *reports = train(impl, environments, iterations, task)
             rates = sorted((b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(reports))
             steps = {"PPO, end to end": (rates[0], statistics.median(rates), rates[-1])}
@@ -97,7 +97,7 @@ def facts(task: str = TASK) -> dict[str, Any]:
         return {}
     from mujoco_playground import registry
 
-    with stand_in_meshes():
+    with placeholder_meshes():
         env, config = registry.load(task, config_overrides={"impl": "jax"}), registry.get_default_config(task)
     ppo = ppo_settings("jax", task)
     batch = ppo["batch_size"] * ppo["num_minibatches"] * ppo["unroll_length"]
@@ -117,7 +117,7 @@ def facts(task: str = TASK) -> dict[str, Any]:
 
 
 @contextmanager
-def stand_in_meshes() -> Iterator[None]:
+def placeholder_meshes() -> Iterator[None]:
     """Replaces five meshes of MuJoCo Menagerie, so that Playground does not download all of it.
 
     The meshes are visual only: masses and inertias are in Playground's own files, and only the feet,

@@ -35,7 +35,7 @@ def main() -> None:
         kept.append((time.time() - began, steps, [np.asarray(leaf) for leaf in actor_arrays(params)]))
         print(f"{kept[-1][0]:.1f} s: {steps} steps", flush=True)
 
-    with playground.stand_in_meshes():
+    with playground.placeholder_meshes():
         playground.run_brax(options.impl, settings, keep)
         facts = task_facts(options.impl)
     arrays = {f"{index}/{part}": a for index, (*_, actor) in enumerate(kept) for part, a in enumerate(actor)}

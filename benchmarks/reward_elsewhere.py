@@ -2,9 +2,9 @@
 
     python benchmarks/reward_elsewhere.py wide wide-1 identified --robot robots_of_study/identified
 
-All policies meet the same robots, commands and pushes, each with its own gains. A policy that earns more in
-another robot's training than the one that was trained there shows that the training, not the robot, is the
-reason. Rewards are per second of the preset's curriculum at its end; the deviation is that of the mean
+All policies get the same robots, commands and pushes; each keeps its own gains. If a policy earns more in
+another robot's training than the policy trained there, the training is the reason, not the
+robot. Rewards are per second of the preset's curriculum at its end; the deviation is that of the mean
 difference from the first policy, over episodes.
 """
 
@@ -28,7 +28,7 @@ SHOWN = ("track_linear", "track_yaw", "gait_contact", "torque", "power", "swing_
 
 
 def with_gains(robot: Robot, contract: Contract) -> Robot:
-    """The robot with a policy's stiffness, which follows from the armature; its bodies keep theirs."""
+    """The robot with a policy's stiffness, which follows from the armature. Masses and inertias stay."""
     armature = robot.armature * np.array(contract.kp) / robot.kp
     return replace(robot, armature=armature)
 

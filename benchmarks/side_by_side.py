@@ -1,4 +1,4 @@
-"""Two ELU networks side by side in one, with units that neither has."""
+"""Two ELU networks side by side in one network, with additional units."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""A student learns by imitation (DAgger) from one teacher that sees the ground exactly, or from two.
+"""A student learns by imitation (DAgger) from one teacher that sees the ground exactly, or from two teachers.
 
     footfall train --preset EXACT.yaml --out runs/teacher     # `rough`, all height_scan_errors 0
     python benchmarks/teacher_student.py runs/teacher/policy.onnx --out student.onnx
@@ -43,7 +43,7 @@ Layers = tuple[tuple[Array, Array], ...]  # kernel and bias
 STEPS, BATCHES, EPOCHS = 8, 8, 3  # control steps of an iteration; mini-batches and epochs of its samples
 LAST_RATE = 0.01  # share of the learning rate at the end
 LEVEL_SHARE = 0.07  # of the standing height: heights that differ by less are level ground
-EXTRA_SHARE = 0.25  # units of a layer that neither of two teachers has, as a share of the first one's
+EXTRA_SHARE = 0.25  # additional units of a layer, as a share of the first teacher's
 REPORTS = 10
 
 
@@ -61,7 +61,7 @@ def action_of(policy: Exported, observed: Array) -> jax.Array:
 
 
 class Student(NamedTuple):
-    """What an iteration changes."""
+    """The state that an iteration changes."""
 
     layers: Layers
     optimizer: Any
@@ -100,7 +100,10 @@ class Imitation:
         return Student(layers, self.optimizer.init(layers), episodes, key)
 
     def iterate(self, student: Student) -> tuple[Student, jax.Array]:
-        """Act, then learn. Also returns the loss, that on level ground, falls a step, and the mean level."""
+        """Act, then learn.
+
+        Also returns the loss, the loss on level ground, falls per step, and the mean level.
+        """
         key, steps, order = jax.random.split(student.key, 3)
         act = partial(self._control_step, student.layers)
         episodes, (samples, figures) = jax.lax.scan(act, student.episodes, jax.random.split(steps, STEPS))
@@ -170,7 +173,7 @@ class TwoTeachers(Imitation):
     seen: np.ndarray  # indices of the second teacher's observation in the student's
 
     def first_layers(self, key: jax.Array) -> Layers:
-        """Both teachers' networks and a few units more."""
+        """Both teachers' networks, and a few additional units."""
         return side_by_side(self.teacher, self.on_level, self.seen, EXTRA_SHARE, key)
 
     def asked(self, state: State, observation: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
@@ -181,7 +184,7 @@ class TwoTeachers(Imitation):
         return jnp.where(on_level, action_of(self.on_level, observed[:, self.seen]), elsewhere), on_level
 
     def _sees_level_ground(self, state: State) -> jax.Array:
-        """Whether scans arrive, and heights around the robot hardly differ."""
+        """Whether scans arrive, and heights around the robot differ by less than a level ground's."""
         env, reach = self.env, self.env.scene.standing_height
         data = env.terrain.base(state, example_data(env.scene))
         leftward = jnp.stack([-data.forward[1], data.forward[0]])

@@ -230,7 +230,7 @@ def differences(robot: str, preset: str, task: str) -> list[tuple[str, str, str]
     described = load_robot(robot)
     config = trial_config(preset, {}, described)
     ppo, model = config.ppo, training_model(described, config.env.timestep_s)
-    ours = {
+    footfall_facts = {
         "physics steps": f"{config.env.substeps} x {1e3 * config.env.timestep_s:g} ms",
         "constraint rows": playground.constraint_rows(model),
         "sensors in the model": model.nsensor,
@@ -244,8 +244,10 @@ def differences(robot: str, preset: str, task: str) -> list[tuple[str, str, str]
         "pushes": "yes" if any(event.term == "push" for event in config.env.events) else "no",
         "a new episode": "drawn afresh",
     }
-    theirs = playground.facts(task)
-    return [(name, str(value), str(theirs.get(name, "-"))) for name, value in ours.items()]
+    playground_facts = playground.facts(task)
+    return [
+        (name, str(value), str(playground_facts.get(name, "-"))) for name, value in footfall_facts.items()
+    ]
 
 
 def show(results: dict[str, Any]) -> None:
@@ -268,11 +270,15 @@ def show(results: dict[str, Any]) -> None:
         for name, rate in found["steps_per_s"].items():
             table.add_row(f"{label}, {name}", f"{found['environments']:,}", "5 x 4 ms", in_thousands(rate))
     console.print(table)
-    for ours, theirs in itertools.product(results["footfall"].items(), results["playground"]):
-        (case, found), name = ours, f"{theirs['impl']}, {theirs['environments']:,}"
+    for (case, found), playground_run in itertools.product(
+        results["footfall"].items(), results["playground"]
+    ):
+        if "failed" in playground_run:
+            continue
+        name = f"{playground_run['impl']}, {playground_run['environments']:,}"
         for what in (PPO, PHYSICS):
-            if "failed" not in theirs and what in theirs["steps_per_s"]:
-                ratio = found["steps_per_s"][what][1] / theirs["steps_per_s"][what][1]
+            if what in playground_run["steps_per_s"]:
+                ratio = found["steps_per_s"][what][1] / playground_run["steps_per_s"][what][1]
                 print(f"footfall ({case}) over Playground ({name}), {what}: {ratio:.2f}")
     if "differences" in results:
         table = Table("what differs", "footfall", "Playground", box=None)

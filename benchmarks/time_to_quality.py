@@ -5,15 +5,15 @@
     python benchmarks/time_to_quality.py plot --out quality
 
 `train` runs one training of each, one after the other, each in its own process with an empty compilation
-cache, and keeps policies on the way. The clock of each starts with its command, so it includes imports and
+cache, and keeps intermediate policies. The clock of each starts with its command, so it includes imports and
 compilation.
 
 `score` lets every kept policy walk in the same MuJoCo plant, over the same joint layer and motor frames, with
 the same commands (scenario `walk`) and pushes (scenario `push`). Playground's policy uses the base's true
 velocity, which its observation needs and no robot can measure; footfall's does not.
 
-`plot` plots velocity error and the push that half survive over wall-clock time. It prints when footfall was,
-and stayed, as good as Playground's last policy in both, without more falls.
+`plot` plots velocity error and the push that half survive over wall-clock time. It prints from what time on
+footfall was as good as Playground's last policy in both, without more falls.
 """
 
 import argparse
@@ -77,13 +77,13 @@ def train(options: argparse.Namespace) -> None:
         for seed in range(options.seeds):
             command = ["footfall_training.py", "--out", str(options.out / f"{FOOTFALL}-{seed}")]
             command += ["--preset", options.preset, "--seed", str(seed)]
-            run_from_empty_cache([*command, "--every", str(options.every), "--until", str(options.until)])
+            run_with_empty_cache([*command, "--every", str(options.every), "--until", str(options.until)])
     if options.only != FOOTFALL:
         command = ["playground_training.py", "--out", str(options.out / f"{PLAYGROUND}.npz")]
-        run_from_empty_cache([*command, "--impl", options.impl])
+        run_with_empty_cache([*command, "--impl", options.impl])
 
 
-def run_from_empty_cache(command: list[str]) -> None:
+def run_with_empty_cache(command: list[str]) -> None:
     """Run a script of this folder; its clock starts now."""
     with tempfile.TemporaryDirectory() as cache_folder:
         environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": cache_folder, "PYTHONUNBUFFERED": "1"}
@@ -97,7 +97,7 @@ def run_from_empty_cache(command: list[str]) -> None:
 
 
 def score(options: argparse.Namespace) -> None:
-    """Score the kept policies without scores."""
+    """Evaluate the kept policies that have no scores yet."""
     path = options.out / "scores.json"
     scores: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
     for policy, (name, time_s, steps) in kept_policies(options.out).items():
@@ -226,7 +226,7 @@ def cells(entry: dict[str, Any]) -> list[str]:
 
 
 def one_line(entry: dict[str, Any]) -> str:
-    """Line of text on one policy."""
+    """A line of text about one policy."""
     name, seconds, steps, falls, linear, yaw, push = cells(entry)
     return (
         f"{name} after {seconds} s, {steps} M steps: {falls} fell, {linear} m/s, {yaw} rad/s,"

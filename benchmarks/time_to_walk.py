@@ -5,7 +5,7 @@
     python benchmarks/time_to_walk.py --preset gpu --first 1 --seeds 1 --checks go1
 
 Prints, for each seed, the seconds from the start of the command to the exported policy and to the command's
-end, and how many checks of a list in `walking.yaml` the policy then meets over the bus. With --warm, the
+end, and how many checks of `walking.yaml` the policy then passes over the bus. With --warm, the
 first seed fills the cache for the others.
 """
 
@@ -62,7 +62,7 @@ def main() -> None:
 
 
 def checked(run: Path, robot: str, checks: dict[str, Any]) -> Iterator[str]:
-    """How many checks a run's policy meets, and each figure that is checked; an unmet one is marked."""
+    """Number of checks that a run's policy passes, and each checked figure; a failed check is marked."""
     results: dict[str, Any] = {}
     for scenario, episodes in checks["episodes"].items():
         file = run / f"{scenario}.json"

@@ -23,8 +23,8 @@ NAME = "footfall"
 def install_command(*arguments: str) -> str:
     """An install command for this environment's pip; `pip` alone if that is the same pip in a shell."""
     found = shutil.which("pip")
-    ours = found is not None and Path(found).parent == Path(sys.executable).parent
-    pip = ["pip"] if ours else [sys.executable, "-m", "pip"]
+    same_pip = found is not None and Path(found).parent == Path(sys.executable).parent
+    pip = ["pip"] if same_pip else [sys.executable, "-m", "pip"]
     return shlex.join([*pip, "install", *arguments])
 
 

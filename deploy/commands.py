@@ -52,7 +52,7 @@ class CommandLimits:
         return np.array(inside)
 
     def reduce(self, command: np.ndarray, share: float) -> np.ndarray:
-        """Command within a share of the ranges, (3,); the least speed of a range still applies."""
+        """Command within a share of the ranges, (3,). The smallest speed of a range still applies."""
         low, high = self._reduced.T
         lower = np.where(low > 0.0, low, share * low)
         upper = np.where(high < 0.0, high, share * high)

@@ -1,4 +1,4 @@
-"""Settings of the velocity-tracking environment, as they stand in a preset's YAML."""
+"""Settings of the velocity-tracking environment, as written in a preset's YAML."""
 
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Literal

@@ -29,7 +29,7 @@ class ExcitationConfig:
     chirp_s: float = 15.0  # duration of each chirp
     burst_s: float = 4.0  # duration of torque bursts, which separate strength from stiffness
     amplitude_rad: float = 0.3
-    swing_rad: float = 0.4  # amplitude of a slow swing beneath the chirps, less where bodies would meet
+    swing_rad: float = 0.4  # amplitude of a slow swing beneath the chirps; smaller near other bodies
     second_amplitude: float = 0.5  # relative to the first, in the second chirp
     lowest_hz: float = 0.2
     highest_hz: float = 8.0
@@ -129,7 +129,7 @@ class Excitation:
         return self._side * self._amplitude * wave * fade * min(1.0, config.corner_hz / hz)
 
     def _slow_swing(self, time_s: float) -> np.ndarray:
-        """Swing over both chirps: in a single pose, gravity hardly tells masses from encoder biases.
+        """Swing over both chirps, since in a single pose a mass and an encoder bias have the same effect.
 
         The first joint of a leg swings to both sides. The others swing once for each side, in opposite
         senses, so that a leg that moves under the trunk keeps away from it.

@@ -21,7 +21,7 @@ NAMED = Path(__file__).parent / "grounds.yaml"
 @takes_other_keys("settings")
 @dataclass(frozen=True)
 class GroundConfig:
-    """A shape and its parameters, as they stand in YAML."""
+    """A shape and its parameters, as written in YAML."""
 
     shape: str
     _: KW_ONLY

@@ -1,4 +1,4 @@
-"""Settings of a training, as they stand in a preset or in a run folder's config.yaml."""
+"""Settings of a training, as written in a preset or in a run folder's config.yaml."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields

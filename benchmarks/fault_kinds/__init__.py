@@ -1,4 +1,4 @@
-"""The kinds of faults that a robot is put through: one row each, with what is expected of it."""
+"""The kinds of faults: one row each, with the expected response."""
 
 from fault_kinds.battery import BATTERY
 from fault_kinds.body import BODY

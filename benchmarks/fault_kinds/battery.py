@@ -11,7 +11,7 @@ READS_OFF_S = 2.0
 
 
 def _nothing(injector: FaultInjector) -> None:
-    """The pack runs empty by itself."""
+    """Injects nothing: the small pack runs empty by itself."""
 
 
 def _reads_off(cell_v: float) -> Injection:

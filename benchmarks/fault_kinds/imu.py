@@ -70,7 +70,7 @@ def leaning(degrees: float) -> Injection:
 
 
 def loose(degrees: float = 0.0, rate_rad_s: float = 0.0) -> Injection:
-    """An IMU that has turned in its mount, and keeps turning; its readings are right in its own frame."""
+    """An IMU that turns slowly in its loose mount; its readings are right in its own frame."""
 
     def inject(injector: FaultInjector) -> None:
         axis, sign = int(injector.rng.integers(2)), float(injector.rng.choice([-1.0, 1.0]))

@@ -1,4 +1,4 @@
-"""Operators who fall silent, and stops from outside."""
+"""Operators who stop sending, and external stops."""
 
 from fault_kinds.kind import FaultKind
 from footfall.deploy.command_source import Request, Status, Stop
@@ -10,7 +10,7 @@ ORDERLY = "intended: the robot stands after 0.5 s and lies down later; a note gi
 
 
 class _Silent:
-    """An operator's inbox that gets one request and no more, by the time of the run."""
+    """An operator's inbox that gets one request and no other, in the run's time."""
 
     stopped = None
 

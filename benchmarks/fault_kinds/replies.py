@@ -1,4 +1,4 @@
-"""Faults of what motors reply."""
+"""Faults of the motors' replies."""
 
 from collections.abc import Callable
 
@@ -135,7 +135,7 @@ def ids_swapped(injector: FaultInjector) -> None:
 
 
 def buses_swapped(injector: FaultInjector) -> None:
-    """Two plugs exchanged: replies of two like legs come from each other's bus."""
+    """Two exchanged plugs: the replies of two similar legs arrive on each other's bus."""
     channels = np.unique(injector.wiring.channel)
     counts = np.bincount(injector.wiring.channel)
     first, second = channels[:2]

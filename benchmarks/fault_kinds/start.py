@@ -25,7 +25,7 @@ from footfall.plant.frame_changes import nothing, turned
 from footfall.plant.injection import Injection
 
 UNANSWERED_S = 1.05  # `start_timeout_s`, and a margin
-STARTED_S = 1.3  # start-up, and a while of standing
+STARTED_S = 1.3  # start-up, and a short time of standing
 WALKING_S = 2.0  # and the first steps
 
 

@@ -9,7 +9,7 @@ from fault_kinds.kind import FaultKind
 from footfall.plant.frame_changes import mounted
 from footfall.plant.injection import FaultInjector, Injection
 
-FOUND_S = 30.0  # the longest that the checks of a robot with 18 joints take, lying and standing
+FOUND_S = 30.0  # longest duration of the lying and the standing check of a robot with 18 joints
 ENDING = (
     "noticed once every joint has moved; an IMU on its side or a joint out of its range is noticed at once"
 )

@@ -79,7 +79,7 @@ def run(*command: str | Path, **how: str) -> None:
 
 
 def mend(prefix: Path, python: Path) -> None:
-    """Let the wheels' files for cmake name this environment's folders."""
+    """Write this environment's folders into the wheels' files for cmake."""
     ask = "import sysconfig; print(sysconfig.get_path('include')); print(sysconfig.get_path('purelib'))"
     answer = subprocess.run([python, "-c", ask], check=True, capture_output=True, text=True)
     include, packages = answer.stdout.split()

@@ -53,7 +53,7 @@ def look_at_graph(peer: Peer, table: dict[str, Any]) -> None:
     found("topics and their types", not wrong, wrong or f"{len(table['published'])} topics")
     wrong = []
     for topic, kind, latched in table["published"]:
-        if topic == "/rosout":  # each node has one of its own
+        if topic == "/rosout":  # each node has its own publisher
             continue
         for info in node.get_publishers_info_by_topic(topic):
             quality = info.qos_profile

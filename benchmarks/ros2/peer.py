@@ -27,7 +27,7 @@ class Peer:
         self.until(lambda: False, seconds)
 
     def until(self, done: Callable[[], Any], patience_s: float) -> Any:
-        """First true value of a function, or its last value at the timeout."""
+        """The first true value that a function returns, or its last value at the timeout."""
         end_s = time.monotonic() + patience_s
         while not (found := done()) and time.monotonic() < end_s:
             self.executor.spin_once(timeout_sec=0.02)

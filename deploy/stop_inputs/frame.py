@@ -36,10 +36,10 @@ class StopFrameBus(WrappedBus):
         if self._arrived_us is None:
             self._arrived_us = now_us
         for index, frames in enumerate(batches):
-            ours = (frames.id == self._id) & (frames.channel == self._channel)
-            if np.count_nonzero(ours):
-                self._take(frames.take(ours), now_us)
-                batches[index] = frames.take(~ours)
+            own = (frames.id == self._id) & (frames.channel == self._channel)
+            if np.count_nonzero(own):
+                self._take(frames.take(own), now_us)
+                batches[index] = frames.take(~own)
         limit_s = self._frame.heartbeat_s
         if limit_s is not None and now_us - self._arrived_us > limit_s * 1e6:
             self._stop(f"no {self._source.removeprefix('the ')} for {limit_s * 1e3:.0f} ms")

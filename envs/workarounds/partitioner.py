@@ -1,4 +1,4 @@
-"""The older of XLA's partitioners for jax 0.11, whose Shardy crashes on our training.
+"""The older of XLA's partitioners for jax 0.11, whose Shardy crashes in footfall's training.
 
 Reason: compiling a `shard_map` over MJX's accelerations for two devices ends in a segmentation fault inside
 Shardy's pass over unused inputs (ManualComputationUnusedInputsPattern), seen with jax 0.11.2 on GPUs and on

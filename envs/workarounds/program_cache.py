@@ -122,7 +122,7 @@ def model_bytes(robot: Robot, timestep_s: float, contacts: Contacts = "feet") ->
 
 
 def _source() -> list[tuple[Path, bytes]] | None:
-    """Our source files, as this process imported them; None if one of them has changed since."""
+    """footfall's source files, as this process imported them; None if a file has changed since."""
     source = read_sources(SOURCES, TRAINING)
     latest = footfall.IMPORTED_AT_NS - CLOCK_SLACK_NS
     # Checked after reading. Unlike mtime, ctime cannot be set.

@@ -53,16 +53,16 @@ def cockpit(
     check_address(host, port)
     access = Access(host, port)
     spawn = multiprocessing.get_context("spawn")
-    ours, theirs = spawn.Pipe()
+    own_end, child_end = spawn.Pipe()
     joints = JointNames(robot.joint_names, robot.motor.peak_torque.tolist())
-    arguments = theirs, host, port, access.token, feed, joints
+    arguments = child_end, host, port, access.token, feed, joints
     process = spawn.Process(target=_serve, args=arguments, name="cockpit", daemon=True)
     process.start()
-    theirs.close()
+    child_end.close()
     try:
-        if not ours.poll(START_TIMEOUT_S) or "serving" not in _first(ours):
+        if not own_end.poll(START_TIMEOUT_S) or "serving" not in _first(own_end):
             raise UserError(f"the cockpit at {host}:{port} did not start")
-        link = CockpitLink(inbox, ours, more)
+        link = CockpitLink(inbox, own_end, more)
         try:
             yield link, f"http://{_in_address(host)}:{port}/?token={access.token}"
         finally:
@@ -71,7 +71,7 @@ def cockpit(
         process.join(1.0)
         process.terminate()
         process.join()
-        ours.close()
+        own_end.close()
 
 
 def _first(connection: Connection) -> dict[str, Any]:

@@ -42,7 +42,7 @@ def test_a_row_has_reaction_time_and_outcome() -> None:
 
 
 def test_a_pause_is_damped_by_the_guard_before_it_ends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At 50 ticks a second, with all other limits relaxed, so that a busy machine passes too."""
+    """The loop has 50 ticks a second and relaxed limits, so that a busy machine passes, too."""
     relaxed = replace(RELAXED.safety, silence_timeout_s=5.0, late_limit_s=0.5, pause_limit_s=0.5)
     config = replace(RELAXED, safety=relaxed)
     monkeypatch.setattr(fault_clock, "deploy_config", lambda _: config)

@@ -60,7 +60,7 @@ def test_numpy_and_jax_draw_the_same_robot(uniforms: np.ndarray) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_quantity_alone_is_drawn_as_among_all_others(uniforms: np.ndarray, name: str) -> None:
-    """It does not change other quantities drawn from the same numbers."""
+    """A quantity does not change other quantities that are drawn from the same numbers."""
     whole = everything()
     alone = Randomisation(**{name: getattr(whole, name)})
     sample = draw(alone, fixed(uniforms), JOINTS, BODIES)

@@ -85,7 +85,10 @@ def test_presets_take_its_ranges_for_quantities_that_they_randomise(own_folder: 
 
 
 def test_presets_take_quantities_that_only_this_robot_declares(own_folder: Path) -> None:
-    """As `footfall identify fit` finds it; what no policy reads stays with the simulated robot."""
+    """The quantity is one that `footfall identify fit` finds.
+
+    Quantities that no policy reads change only the simulated robot.
+    """
     lag, jitter = Distribution(0.002, 0.004), Distribution(0.0, 0.001)
     text = "torque_lag_s: {low: 0.002, high: 0.004}\naction_jitter_s: {low: 0.0, high: 0.001}\n"
     robot = own_robot(own_folder, text + "accelerometer_noise_m_s2: {low: 0.0, high: 0.1}\n")

@@ -25,7 +25,7 @@ class TestActuation:
         ("steps", "new"), [(0.0, [1, 1, 1, 1]), (1.0, [0, 1, 1, 1]), (2.25, [0, 0, 0.75, 1])]
     )
     def test_a_goal_reaches_the_motors_when_its_delay_is_over(self, steps: float, new: list[float]) -> None:
-        """In physics steps; the goal acts for the rest of the step in which it arrives."""
+        """Times are in physics steps; a goal acts for the rest of the step in which it arrives."""
         default = jnp.asarray(ROBOT.default_pose, jnp.float32)
         goals = jnp.stack([default + 1e-3, default, default])  # near enough that the rate limit has no effect
         delay_s = jnp.float32(steps * CONFIG.timestep_s)
@@ -71,7 +71,7 @@ class TestActuation:
         ],
     )
     def test_delays_must_fit_the_buffers(self, name: str, most: str) -> None:
-        """Three goals are kept and two control steps' readings, of 25 ms each."""
+        """The buffers keep three goals and the readings of two control steps of 25 ms."""
         within, beyond = (
             replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, float(most) + more)}))
             for more in (0.0, 0.001)

@@ -38,7 +38,7 @@ def test_a_base_tilted_about_all_axes_moves_as_in_mujoco() -> None:
 
 
 def test_a_base_behind_other_joints_is_found(tmp_path: Path) -> None:
-    """A robot whose free joint is the second: a flag on a hinge stands before it in the file."""
+    """A robot whose free joint is the second joint in the file; the first is the hinge of a flag."""
     folder = tmp_path / "flagged"
     shutil.copytree(ROBOT.folder, folder)
     path = folder / ROBOT.description.model

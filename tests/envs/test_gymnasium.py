@@ -179,7 +179,7 @@ def test_information_covers_running_and_ended_episodes() -> None:
 def step_until_some_end(env: VectorEnv) -> tuple[np.ndarray, np.ndarray, Any]:
     """Step with large actions until some episodes have ended, but not all.
 
-    Observations, which ended, information.
+    Returns observations, a flag for each episode that ended, and the information.
     """
     generator = np.random.default_rng(0)
     for _ in range(200):
@@ -205,7 +205,7 @@ print(picture.shape, picture.dtype, picture.std() > 5)
 
 
 def test_a_picture_is_rendered() -> None:
-    """In separate processes, because MuJoCo chooses a GL back end when it is imported."""
+    """Each picture has its own process, because MuJoCo chooses a GL back end when it is imported."""
     for back_end in ("egl", "osmesa"):
         variables = os.environ | {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end}
         done = run(RENDER, variables)

@@ -40,7 +40,7 @@ def env(go1: Robot) -> LocomotionEnv:
 
 @pytest.fixture(scope="module")
 def begun(env: LocomotionEnv) -> tuple[State, dict[str, jax.Array]]:
-    """Four episodes on stairs."""
+    """The states of four episodes on stairs."""
     keys = jnp.stack([jax.random.PRNGKey(seed) for seed in range(4)])
     return jax.jit(jax.vmap(env.reset))(keys)
 

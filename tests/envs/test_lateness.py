@@ -41,7 +41,7 @@ def nominal() -> tuple[State, np.ndarray]:
 
 
 def test_lost_replies_change_only_the_observation(nominal: tuple[State, np.ndarray]) -> None:
-    """In 0.4 of the steps a motor's position and velocity both stay."""
+    """In 0.4 of the steps, both position and velocity of a motor stay the same."""
     (before, seen), (after, fewer) = nominal, walked(CONFIG, lost_replies=0.4)
     for name in ("qpos", "goals", "command", "key"):
         np.testing.assert_array_equal(getattr(before, name), getattr(after, name))

@@ -322,7 +322,7 @@ def test_the_contract_has_the_configured_values() -> None:
     ("rate_hz", "substeps", "fits"), [(40.0, 2, True), (10.0, 4, True), (10.0, 2, False), (2.0, 4, False)]
 )
 def test_physics_steps_are_as_short_as_joints_need(rate_hz: float, substeps: int, fits: bool) -> None:
-    """12.5 and 25 ms, 50 and 125 ms; go1's knees become unstable beyond 27 ms."""
+    """Control steps of 25 ms and 125 ms are divided; go1's knees become unstable beyond 27 ms."""
     config = replace(CONFIG, control_rate_hz=rate_hz, substeps=substeps)
     if fits:
         LocomotionEnv(ROBOT, config)

@@ -202,7 +202,7 @@ def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, 
 
 @IN_C
 def test_ended_episodes_are_reset(env: LocomotionEnv, begun: State, step) -> None:
-    """21 episodes end, more than are reset at once."""
+    """21 episodes end, more than one call resets."""
     ends = np.arange(len(begun.steps)) % 3 > 0
     assert ends.sum() > RESTARTED_AT_ONCE
     level = jnp.full_like(begun.level, 0.25)  # the curriculum's steps continue

@@ -21,7 +21,7 @@ Goal = Callable[[float], np.ndarray]
 
 
 def mass_matrix(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
-    """In the default pose, (nv, nv)."""
+    """The mass matrix in the default pose, (nv, nv)."""
     data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose
     mujoco.mj_fwdPosition(model, data)
@@ -73,7 +73,7 @@ def step(t: float) -> np.ndarray:
 
 
 def swing(t: float) -> np.ndarray:
-    """As legs move in a trot, 2.2 Hz."""
+    """Joint angles like those of a trot, at 2.2 Hz."""
     return np.tile((0.05, 0.25, -0.4), 4) * np.sin(2 * np.pi * 2.2 * t)
 
 

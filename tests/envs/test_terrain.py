@@ -59,7 +59,7 @@ def walked(state: State) -> Any:
 
 @pytest.mark.parametrize("kind", [0, 1], ids=["stairs", "slope"])
 def test_a_standing_robot_rests_as_on_mujocos_ground(env: Any, begun: State, go1: Robot, kind: int) -> None:
-    """With constant joint targets, both robots are within millimetres of each other after half a second."""
+    """With constant joint targets, the robots' positions differ by millimetres after half a second."""
     hardest = np.flatnonzero(np.asarray(walked(begun).piece) == kind * LEVELS + LEVELS - 1)[:6]
     state = jax.tree.map(lambda x: x[hardest], jax.device_get(begun))
     spec = training_spec(go1, env.timestep_s, exact_friction=True)

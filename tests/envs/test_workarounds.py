@@ -22,7 +22,7 @@ TRIED = {
 
 
 @pytest.mark.parametrize("package", TRIED)
-def test_they_were_tried_with_this_release(package: str) -> None:
+def test_workarounds_were_tried_with_the_installed_release(package: str) -> None:
     assert version(package) in TRIED[package]
 
 

@@ -21,7 +21,7 @@ def page(go1: Robot) -> str:
 
 @pytest.fixture
 def quick_plots(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three plots that are quick to draw; the last one is empty."""
+    """Three plots that are quick to draw; the third is empty."""
     panel = Markup("<b>panel</b>")
     plots = [svg.Plot(f"Plot {k}", f"caption {k}", [panel] * (2 - k), [1]) for k in (0, 1, 2)]
     monkeypatch.setattr(page_module, "plots", lambda _: plots)

@@ -115,7 +115,7 @@ def test_a_push_makes_a_simulated_robot_fall(
 def test_a_robot_that_makes_no_progress_has_failed(
     go1: Robot, plan: EpisodePlan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On ice it never falls, but makes no progress; for a robot that only stands, that is no failure."""
+    """A robot on ice never falls but makes no progress. For a command to stand, that is no failure."""
     monkeypatch.setattr(search, "smallest", partial(smallest, halvings=0))
     task = EpisodeTask("go1-flat", "go1", replace(plan, duration_s=1.5), load_scenarios(go1).noise)
     assert bisect(Ray(task, {"friction": 1.0})) == 1.0

@@ -24,7 +24,7 @@ FIRST_NS = 10**18
 
 @pytest.fixture(scope="module")
 def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """0.4 s of swaying, with its CAN frames."""
+    """Log of a robot that sways for 0.4 s, with CAN frames."""
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     run_episode(go1, Sway(go1), short_episode(duration_s=0.4, config=QUICK, log=path, log_frames=True))
     return path

@@ -34,7 +34,7 @@ def test_a_log_replays_to_the_same_decisions(shell: Shell, trotted: Path) -> Non
 
 
 def test_a_log_replays_with_its_settings(shell: Shell, short: tuple[str, ...], tmp_path: Path) -> None:
-    """Also when the file that they came from has changed."""
+    """The log's settings count even if the settings' file has changed."""
     log, figures, mine = tmp_path / "run.mcap", tmp_path / "run.json", tmp_path / "mine.yaml"
     mine.write_text("kp: 45.0")
     spec = f"stand@{mine}"

@@ -146,7 +146,7 @@ class TestOptions:
     def test_settings_of_a_resumed_run_are_refused(
         self, shell: Shell, called: Recorder, trained: SimpleNamespace
     ) -> None:
-        """Also where they are the default."""
+        """Settings equal to the defaults are refused, too."""
         for option in (
             ("--out", "x"), ("--steps", "9"), ("--checkpoint-interval", "3"), ("--trainer", "brax"),
             ("--seed", "0"), ("--preset", "cpu"), ("--robot", "go1"),

@@ -116,7 +116,7 @@ def test_a_net_is_added_to_a_proposal_and_judged(fit: LegFit, recording: Recordi
 
 
 def test_a_solver_that_rounds_a_bound_to_just_beyond_it_finds_a_prediction(recording: Recording) -> None:
-    """With a delay of -1e-18 s the model would need a command that has not been sent."""
+    """A delay of -1e-18 s would need a command that has not been sent yet."""
     problem = problem_of(LEG, [recording], FitConfig())
     at = problem.scaled(np.array([each.kind.nominal for each in problem.parameters]))
     delays = [each.quantity == "delay_s" for each in problem.parameters]

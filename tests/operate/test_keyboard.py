@@ -19,7 +19,7 @@ QUICK = KeyboardConfig(speed_share=0.5, first_s=1.0, again_s=0.1, rate_hz=100.0)
 
 @pytest.fixture
 def terminal() -> Iterator[tuple[int, int]]:
-    """Both ends of a terminal: the user's, and that of a program that controls it."""
+    """Both ends of a terminal: the user's end, and the end of a program that controls the terminal."""
     person, program = pty.openpty()
     yield person, program
     os.close(person)

@@ -49,7 +49,7 @@ def marks(drawing: Drawing, go1: Robot) -> Marks:
 def moment(go1: Robot) -> Moment:
     """A robot turned by 90 degrees to the left, on two feet.
 
-    One of the others has a foothold ahead of the base.
+    A moment whose swinging feet include one with a planned foothold ahead of the base.
     """
     still, pose = np.zeros(3), go1.default_pose
     level = Rotation.from_euler("Z", 90, degrees=True).as_quat()[[3, 0, 1, 2]]

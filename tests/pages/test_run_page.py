@@ -27,8 +27,8 @@ if __name__ == "__main__":
 """
 
 
-def killed_page(code: str, *arguments: Path) -> None:
-    """A page whose process is killed has its port free again."""
+def kill_a_page(code: str, *arguments: Path) -> None:
+    """Kill a process that serves a page; the page's port must be free afterwards."""
     port = free_port()
     script = arguments[0].parent / "run.py"
     script.write_text(code)
@@ -42,9 +42,9 @@ def killed_page(code: str, *arguments: Path) -> None:
         run.wait()
 
 
-def test_it_ends_with_a_run_that_was_killed_so_that_the_next_run_has_its_port(tmp_path: Path) -> None:
-    killed_page(RUN, tmp_path / "feed")
+def test_a_killed_run_takes_its_page_with_it_so_that_the_next_run_has_the_port(tmp_path: Path) -> None:
+    kill_a_page(RUN, tmp_path / "feed")
 
 
 def test_a_training_that_is_killed_takes_its_page_with_it(begun: Path) -> None:
-    killed_page(TRAINING, begun)
+    kill_a_page(TRAINING, begun)

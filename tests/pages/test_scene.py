@@ -71,7 +71,7 @@ class TestScene:
         np.testing.assert_allclose(scene._world.position, [-0.3, 0.2, 0.0], atol=1e-6)
 
     def test_without_a_policy_the_robot_stands(self, go1: Robot) -> None:
-        """In its default pose with its lowest foot on the ground, instead of all bodies at the origin."""
+        """The robot is drawn in its default pose, and its lowest foot is on the ground."""
         data = standing(go1).data
         model = plant_model(go1)
         mujoco.mj_kinematics(model, data)

@@ -176,7 +176,7 @@ class TestWalk:
 
 class TestNewestPolicy:
     def test_a_new_network_continues_the_state_of_the_old_one(self, go1: Robot) -> None:
-        """With the same network nothing changes at all: history, last action and clock carry over."""
+        """With the same network the outputs do not change: history, last action and clock continue."""
 
         def walk(replace: bool) -> np.ndarray:
             policy = NewestPolicy(POLICY, go1)

@@ -45,7 +45,7 @@ class TestTruth:
     def test_legs_touch_where_two_of_them_press_on_each_other(self, go1: Robot) -> None:
         """Legs of a standing robot do not touch.
 
-        In the air, the front or the rear feet are moved together.
+        The robot is in the air; its front or its rear feet are moved together.
         """
         body = body_of(go1)
         data, model = body.data, body.model

@@ -85,7 +85,7 @@ def test_check_reports_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 
 
 def test_the_effort_of_a_pose_is_that_of_the_most_loaded_motor(go1: Robot) -> None:
-    """With both front knees a hundredth as strong, the effort is the same as with one of them."""
+    """Two weak front knees give the same effort as one."""
     pose = go1.lying_pose
     assert pose is not None
 

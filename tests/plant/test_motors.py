@@ -129,7 +129,7 @@ class TestMotors:
         assert (np.abs(learned) > 0.01).all()
 
     def test_a_delay_holds_back_commands_but_not_switching(self) -> None:
-        """2.6 ms are three steps; two commands are on their way at once."""
+        """A delay of 2.6 ms is three steps, so two commands are under way at the same time."""
         stand = Stand(action_delay_s=0.0026)
         stand.on()
         assert not stand.torque(0).any()

@@ -7,7 +7,7 @@ from footfall.plant.progress import Progress, path_length
 
 
 def test_progress_counts_the_chord_since_the_last_corner() -> None:
-    """At 4 samples a second a chord has two of them: a corner within a chord is cut."""
+    """At 4 samples a second a chord has two samples, so a corner within a chord is cut off."""
     progress = Progress(4.0)
     found = []
     for point in ((0, 0), (3, 0), (3, 4), (3, 8), (3, 8), (0, 8)):
@@ -17,7 +17,7 @@ def test_progress_counts_the_chord_since_the_last_corner() -> None:
 
 
 def test_a_path_is_measured_in_chords_of_half_a_second() -> None:
-    """Two metres along a line with a sway of 5 cm at 2 Hz, and a corner of one metre to the left."""
+    """The path is two metres along a line with a sway of 5 cm at 2 Hz, then one metre to the left."""
     time_s = np.arange(0.0, 2.0, 0.01)
     sway = 0.05 * np.sin(4 * np.pi * time_s)
     along = np.column_stack([time_s, sway, 0.3 + 0 * time_s])

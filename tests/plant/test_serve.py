@@ -55,7 +55,7 @@ def test_a_stall_is_not_caught_up() -> None:
 
 
 def arrived(times_us: list[float] | None) -> Frames:
-    """Three frames, and their arrival times."""
+    """A batch of three frames, and the arrival times."""
     ids = np.array([1, 2, 3])
     when = None if times_us is None else np.array(times_us)
     return Frames(np.zeros(3, int), ids, np.zeros((3, 8), np.uint8), np.full(3, 8), when)

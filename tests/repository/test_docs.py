@@ -198,6 +198,6 @@ def test_no_table_has_errors_of_fallen_robots() -> None:
 
 
 def test_command_lines_are_found() -> None:
-    """On the README: its first three commands, and others."""
+    """Command lines are found in the README: the first three, and others."""
     verbs = [words[0] for words in commands(ROOT / "README.md")]
     assert {"train", "deploy", "compare", "doctor", "watch"} <= set(verbs)

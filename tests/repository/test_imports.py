@@ -150,7 +150,7 @@ def importable(*packages: str) -> list[str]:
 
 
 def without_report(names: list[str]) -> list[str]:
-    """Without the modules that draw a report, which no robot's computer imports."""
+    """The modules without those that draw reports, which no robot's computer imports."""
     return [name for name in names if not belongs_to(name, ("footfall.evaluate.report",))]
 
 

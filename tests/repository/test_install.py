@@ -59,7 +59,7 @@ def wheel(built: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def user(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> FreshEnvironment:
-    """An environment with files and packages named like our folders; importing one of them fails."""
+    """An environment with files and packages named like footfall's folders; importing one of them fails."""
     environment = FreshEnvironment(tmp_path_factory.mktemp("user"), wheel, "gym")
     for name in USERS_OWN:
         (environment.folder / f"{name}.py").write_text(f"raise SystemExit('the own {name}.py')\n")

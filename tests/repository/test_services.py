@@ -51,7 +51,7 @@ def test_settings_in_the_service_file_are_valid() -> None:
 
 
 def test_no_robot_stands_up_by_itself() -> None:
-    """Neither at boot nor after a fault."""
+    """A robot starts neither at boot nor after a fault."""
     assert re.findall(r"^Restart=(.*)$", UNIT, re.MULTILINE) == ["no"]
     assert "[Install]" not in UNIT.splitlines()
     assert [name for name, service in compose().items() if service.get("restart", "no") != "no"] == []

@@ -104,7 +104,7 @@ def test_names_of_the_file_and_of_geoms_do_not_count(go1: Robot, own_folder: Pat
 
 
 def test_included_files_count(go1: Robot, own_folder: Path) -> None:
-    """A calf's mass stands in a file that robot.xml includes."""
+    """A calf's mass is written in a file that robot.xml includes."""
     inertial = re.search(r'<inertial mass="0.195862".*?/>', (own_folder / "robot.xml").read_text(), re.DOTALL)
     assert inertial is not None
     (own_folder / "calf.xml").write_text(f"<mujocoinclude>{inertial[0]}</mujocoinclude>")

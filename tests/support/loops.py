@@ -31,7 +31,7 @@ from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
 
-class Pretence(LockstepClock):
+class RealtimeTicks(LockstepClock):
     """A clock without waiting whose ticks count as wall-clock time."""
 
     realtime = True  # type: ignore[assignment]
@@ -63,7 +63,8 @@ def loop_on(
     wiring = wiring or wiring_of(robot)
     safety = replace(safety or SafetyConfig(), still_s=still_s)
     config = DeployConfig(**{"stand_s": 0.099, **settings}, safety=safety)
-    clock: Any = (Pretence if realtime else LockstepClock)(TICK_US) if times_us is None else Ticks(times_us)
+    ticking = RealtimeTicks if realtime else LockstepClock
+    clock: Any = ticking(TICK_US) if times_us is None else Ticks(times_us)
     steering = Steering(source_of(command_source), [policy], get_up="" if get_up is None else get_up.name)
     runner = PolicyRunner(
         Handover([policy], None, get_up),

@@ -20,7 +20,7 @@ PERIOD_S = 0.02
 
 
 class NumberEnvironment:
-    """The observation is constant. In each step the first few episodes fall and the next few time out."""
+    """The observation is constant. In each step some episodes fall and some others reach the time limit."""
 
     period_s = PERIOD_S
     observation_sizes, action_size = SIZES, ACTIONS
@@ -53,7 +53,7 @@ class NumberEnvironment:
 
 
 class CountingEnvironment:
-    """Six episodes that show how many steps they have done, from a random number on.
+    """Six episodes whose observation is the number of their steps, from a random start.
 
     The first falls in its second step, the second times out in its third.
     """
@@ -83,7 +83,7 @@ class CountingEnvironment:
 
 
 def step_batch(env: Any, state: Any, action: jax.Array) -> Any:
-    """In place of `footfall.envs.batch.step_batch`, which steps one episode at a time."""
+    """Replaces `footfall.envs.batch.step_batch`, which steps one episode at a time."""
     return env.step_batch(state, action)
 
 

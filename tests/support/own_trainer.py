@@ -47,7 +47,7 @@ class StandingTrainer(Trainer):
 
 
 class Incomplete(Trainer):
-    """Neither saves nor exports."""
+    """A trainer without `save` and `export`."""
 
     def restore(self, path: Path) -> None: ...
     def prepare(self, say: Callable[[str], None]) -> None: ...
@@ -56,7 +56,7 @@ class Incomplete(Trainer):
 
 
 class Unrelated:
-    """No trainer at all."""
+    """A class that is no trainer."""
 
 
 NUMBER = 3

@@ -76,7 +76,7 @@ def test_slopes_are_the_change_of_height() -> None:
 
 @pytest.mark.parametrize("name", ["stairs", "blocks", "gaps", "rough"])
 def test_an_edge_lies_between_two_levels(name: str) -> None:
-    """On either side of an edge the heights are those levels; elsewhere no other level is near."""
+    """On the two sides of an edge the heights are the two levels; elsewhere only one level is near."""
     ground = load_ground(name, seed=3)
     positions = np.random.default_rng(1).uniform(-4.5, 4.5, (400, 2))
     edge = edge_at(ground, positions)

@@ -42,7 +42,7 @@ def test_an_export_that_agrees_is_written(contract: Contract, tmp_path: Path) ->
 
 @pytest.mark.parametrize("shift", [2e-5, -2e-5, np.nan, np.inf])
 def test_an_export_that_differs_is_not_written(contract: Contract, tmp_path: Path, shift: float) -> None:
-    """It is not written either if the difference is NaN."""
+    """A policy whose difference is NaN is not written either."""
     with pytest.raises(UserError, match="differs from the trained one"):
         export(actor(shift=shift), contract, np.zeros((0, INPUTS)), tmp_path / "policy.onnx")
     assert list(tmp_path.iterdir()) == []

@@ -135,7 +135,7 @@ def test_a_run_without_a_failure_has_nothing_to_replay(sound: Path, shell: Shell
 
 
 def test_a_state_that_is_not_finite_is_never_saved(sound: Path, tmp_path: Path) -> None:
-    """This holds even if no metric shows it."""
+    """The state is not saved even if all metrics are finite."""
     run = api.open_run(Path(shutil.copytree(sound, tmp_path / "run")))
     before = checkpoint.latest(run.checkpoints)
     trainer = BraxTrainer(run, load_robot("go1"))

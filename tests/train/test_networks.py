@@ -82,7 +82,7 @@ class TestActor:
         return begun(CountingEnvironment(), seed=3)
 
     def test_an_exported_actor_is_the_network_that_was_trained(self, begun: TrainState) -> None:
-        """With a normaliser whose statistics matter."""
+        """The normaliser's statistics change the output."""
         policy = jax.tree.map(lambda x: 1.5 * x, begun.params.policy)
         rng = np.random.default_rng(1)
         shown = {name: jnp.asarray(rng.normal(2.0, 3.0, (50, size))) for name, size in SIZES.items()}

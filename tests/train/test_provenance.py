@@ -40,7 +40,7 @@ def test_a_revision_differs_for_each_change(tmp_path: Path, monkeypatch: pytest.
 def test_installed_files_identify_the_code_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_a_repository: bool
 ) -> None:
-    """As in an installed wheel, whose environment may lie in another repository."""
+    """An installed wheel has only its files; its environment may be inside another repository."""
     installed = tmp_path / ".venv" / "footfall"
     (installed / "train" / "runs").mkdir(parents=True)
     (installed / "policies").mkdir()

@@ -68,7 +68,7 @@ def torch_imported() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def preset(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """Four iterations, a checkpoint after each."""
+    """A preset with four iterations and a checkpoint after each."""
     path = tmp_path_factory.mktemp("presets") / "four.yaml"
     path.write_text(dump(replace(SMOKE, ppo=PPO, checkpoint_interval_s=0.0)))
     return str(path)
@@ -270,7 +270,7 @@ def test_a_bad_checkpoint_is_named(trainer: RslRlTrainer, run: Path, tmp_path: P
 
 
 def test_a_training_starts_from_an_exported_policy(trainer: RslRlTrainer, run: Path) -> None:
-    """Its actions are those of the policy: the normaliser's scale and the layers are right."""
+    """The first actions equal the policy's, so the normaliser's scale and the layers are right."""
     from footfall.train.rsl_rl.trainer import trained_actor
 
     policy = trainer.runner.alg.get_policy()

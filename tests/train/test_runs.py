@@ -44,7 +44,7 @@ def test_the_same_seed_gives_the_same_bits_and_a_killed_run_resumes_to_them(
 ) -> None:
     """Killed before a file is renamed, a run still has the earlier state.
 
-    At its first checkpoint, rename 3 after its settings' two files, and at its last.
+    The run is killed at its first checkpoint, which is rename 3 after two files of settings, and at its last.
     """
     replace_file, renames, again = os.replace, itertools.count(1), tmp_path / "again"
     left = {3: tmp_path / "at the first", 8: tmp_path / "at the last"}

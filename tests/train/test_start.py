@@ -32,7 +32,7 @@ def test_a_run_reads_its_programs_ahead(tmp_path: Path) -> None:
 
 
 def test_environment_and_learning_settings_distinguish_programs() -> None:
-    """Other settings do not: the interval of checkpoints is not part of a program."""
+    """Other settings do not distinguish programs, such as the interval of checkpoints."""
     go1, plain = load_robot("go1"), load_preset("smoke")
     env = plain.env
     others = {

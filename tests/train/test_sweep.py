@@ -105,7 +105,10 @@ def test_a_mistake_is_named_before_anything_runs(
 
 
 def test_a_trials_program_is_built_before_anything_runs(six_iterations: str) -> None:
-    """In a process of its own. It names its metrics, and refuses an unknown reward."""
+    """The program is built in a separate process.
+
+    The process returns the names of the metrics, and refuses an unknown reward.
+    """
     config = load_preset(six_iterations)
     assert METRIC in (reported_metrics("go1", config, "brax") or [])
     env = replace(config.env, rewards=(RewardConfig("action_rte", weight=1.0),))

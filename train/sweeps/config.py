@@ -1,4 +1,4 @@
-"""Settings of a sweep, as they stand in its YAML file, and of its trials."""
+"""Settings of a sweep, as written in its YAML file, and of its trials."""
 
 import math
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from footfall.train.trainers import DEFAULT_TRAINER
 
 @dataclass(frozen=True)
 class SweepConfig:
-    """What to sweep, as it stands in a sweep's YAML file."""
+    """What to sweep, as written in a sweep's YAML file."""
 
     space: dict[str, dict[str, list[Any]]]  # ppo.learning_rate: {loguniform: [1.0e-4, 1.0e-2]}
     robot: str = DEFAULT_ROBOT

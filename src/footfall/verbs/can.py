@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 can = App(name="can", help="A robot on a stand: find, enable, zero and monitor its motors.")
 
-NOT_ALL_WELL = 1
+PROBLEM_STATUS = 1
 FRAMES_PER_SECOND = 5
 LOOK_S = 0.5  # time in which every motor reports its errors: heartbeats come ten times per second
 
@@ -57,7 +57,7 @@ def scan(*, where: Target = Target()) -> int:
         joint = expected.get(each, "not in robot.yaml")
         rows.append((wiring.buses[each.channel], str(each.id), each.maker, joint, verdict))
     print_table(("bus", "id", "maker", "joint", ""), rows)
-    return 0 if found == set(expected) else NOT_ALL_WELL
+    return 0 if found == set(expected) else PROBLEM_STATUS
 
 
 @can.command
@@ -174,7 +174,7 @@ def _verdict(bench: "Bench", problem: str) -> int:
     errors = [f"{state.joint} reports {state.error}" for state in bench.states() if state.error]
     for line in [*([problem] if problem else []), *errors]:
         print(line)
-    return NOT_ALL_WELL if problem or errors else 0
+    return PROBLEM_STATUS if problem or errors else 0
 
 
 @contextmanager

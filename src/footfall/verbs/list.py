@@ -91,7 +91,7 @@ def _policies(robots: "list[Robot]") -> Rows:
     from footfall.common.config import read_yaml
     from footfall.policies.registry import ZOO, zoo_names
 
-    runs = {name: read_yaml(ZOO / name / "run.yaml") for of in robots for name in zoo_names(of)}
+    runs = {name: read_yaml(ZOO / name / "run.yaml") for robot in robots for name in zoo_names(robot)}
     return [
         {"name": name, **{key: run[key] for key in ("robot", "preset", "trainer", "created")}}
         for name, run in runs.items()
