@@ -143,10 +143,10 @@ def forked_evaluations() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def kept_programs() -> Iterator[None]:
-    """Trainings in this process that are made of the same things share a program, which takes long to trace.
+    """Trainings in this process with equal programs share one, because tracing takes long.
 
-    In memory. What XLA has read from its cache it cannot write down again for a processor: the functions of
-    such a program are not found.
+    Programs are kept in memory, because XLA cannot serialise a program again that it has read from its cache:
+    the program's functions are not found.
     """
     from footfall.envs.workarounds.program_cache import fingerprint
     from footfall.train.brax import parts
@@ -184,7 +184,7 @@ def six_iterations(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(scope="session")
 def whole_run(six_iterations: str, kept_programs: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A training that nothing interrupted, of six iterations and seed 5. To be read, not written to."""
+    """A training that nothing interrupted, of six iterations and seed 5. Tests may read but not change it."""
     from footfall.train import api
 
     return api.train(

@@ -53,7 +53,7 @@ def test_at_rest_the_accelerometer_gives_the_tilt(roll: float, pitch: float, yaw
 
 
 @pytest.mark.parametrize("rate", [[0.0, 0.0, 1.0], [2.0, -1.0, 0.5], [0.0, 3.0, 0.0]])
-def test_it_turns_with_the_gyro_less_its_bias(rate: list[float]) -> None:
+def test_the_filter_turns_with_the_gyro_minus_its_bias(rate: list[float]) -> None:
     start = Rotation.from_euler("xyz", [0.1, -0.2, 0.0])
     first = rested(start, BIAS)
     yaw = start * Rotation.from_quat(first.quaternion, scalar_first=True).inv()  # the filter's is zero

@@ -61,7 +61,7 @@ def findings(
 
 
 def assert_found(found: list[str], *expected: str) -> None:
-    """One finding for each expectation, with all of its words."""
+    """There is one finding for each expectation, and it has all words of the expectation."""
     assert len(found) == len(expected), found
     for sentence, words in zip(found, expected, strict=True):
         assert all(word in sentence for word in words.split()), sentence
@@ -313,7 +313,7 @@ def injected(robot: Robot, hangs: bool) -> Injected:
 
 
 def verdict_of(robot: Robot, name: str, inject: Injection | None = None) -> Verdict:
-    """One step, and the motors are off afterwards."""
+    """The verdict of a single step, after which the motors must be disabled."""
     step = next(step for step in STEPS if step.name == name)
     simulated = injected(robot, step.hangs)
     if inject is not None:

@@ -91,7 +91,7 @@ def gaps(found: list[FeedMessage]) -> bool:
 
 
 def test_a_wrong_or_slow_subscriber_affects_no_other(log: McapLog, tmp_path: Path) -> None:
-    """One subscriber never reads, one sends data, and there are more than the limit."""
+    """One subscriber never reads, another sends data, and there are more subscribers than the limit."""
     sleepers = [connect(tmp_path / "feed") for _ in range(14)]
     talker = connect(tmp_path / "feed")
     talker.sendall(b"GET / HTTP/1.1\r\n\r\n")

@@ -43,7 +43,10 @@ class TestFirstRest:
 
     @pytest.mark.parametrize("seed", range(3))
     def test_the_mean_acceleration_in_the_world_counts(self, seed: int) -> None:
-        """By scipy: 0.8 and 1.4 of gravity upwards, and to and fro sideways, are 10 % too much."""
+        """Computed by scipy.
+
+        0.8 and 1.4 of gravity upwards, and alternating sideways accelerations, are 10 % too much.
+        """
         rng = np.random.default_rng(seed)
         rest = FirstRest(0.05, ImuLimits(rest_error=0.05), ["hip"])
         for sideways, upwards in ((7.0, 0.8), (-7.0, 1.4)):
@@ -66,7 +69,7 @@ class TestFirstRest:
         ],
     )
     def test_the_fastest_part_is_named(self, gyro: Vector, velocity: tuple[float, float], who: str) -> None:
-        """0.3 rad/s is no rest: a robot that moves like this at each tick never begins."""
+        """A robot that moves at 0.3 rad/s is not at rest, and never begins to stand up."""
         rest = FirstRest(0.05, ImuLimits(), ["hip", "knee"])
         assert rest.awaited(0) == ""  # no reading yet
         for now_us in range(0, 200_000, TICK_US):
@@ -75,7 +78,7 @@ class TestFirstRest:
         assert rest.awaited(200_000) == (message + who if who else "")
 
     def test_motion_before_does_not_hide_a_wrong_gravity_at_rest(self) -> None:
-        """Gravity is a fifth too large. Without a required time of rest nothing is checked."""
+        """Gravity is a fifth too large. If no time of rest is required, gravity is not checked."""
         before = [(self.STILL, self.GRAVITY)] * 20 + [(self.TURNING, self.GRAVITY)]
         rest, _ = self.looked(before, (0.0, 0.0, 1.2 * 9.81))
         found = rest.contradiction()

@@ -33,12 +33,12 @@ def pitched(robot: Robot, pitch_rad: float) -> Sensed:
 
 class TestABipedThatStandsUp:
     def test_a_biped_does_not_tip_over_its_toes(self, g1: Robot) -> None:
-        """Without levelling it tips over."""
+        """Without levelling the biped tips over."""
         episode = Episode(lambda _: np.zeros(3), duration_s=1.2, sample=SAMPLE)
         assert not run_episode(g1, load_policy("step", g1), episode).fell
 
     def test_a_biped_comes_to_rest(self, g1: Robot) -> None:
-        """With gyro noise, the delays of the bus and stiff joints, as those of a Talos."""
+        """The biped has gyro noise, the bus's delays, and stiff joints such as those of a Talos."""
         rates: list[float] = []
 
         def watch(loop: ControlLoop, body: SimulatedRobot) -> None:

@@ -49,7 +49,7 @@ def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
 
 @pytest.fixture(scope="module")
 def whole(logged: tuple[Path, Trace]) -> LogFile:
-    """That log, read once."""
+    """The whole log, read once."""
     return read_log(logged[0])
 
 

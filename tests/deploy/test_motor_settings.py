@@ -29,7 +29,7 @@ def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_u
 
 
 class TestQuestions:
-    """Two motors with the settings 9, a timeout in steps of 50 us, and 10."""
+    """Questions to two motors with the settings 9, a timeout in steps of 50 us, and 10."""
 
     @pytest.fixture
     def settings(self) -> Settings:

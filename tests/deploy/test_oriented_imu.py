@@ -20,7 +20,7 @@ def without_orientation(robot: Robot) -> Robot:
     return replace(robot, description=replace(robot.description, imu_protocol="footfall-inertial"))
 
 
-def test_its_tilt_is_right_within_a_degree(go1: Robot) -> None:
+def test_the_tilt_is_right_within_a_degree(go1: Robot) -> None:
     """The gyro has a bias; the tilt's error is a root mean square."""
     robot, errors = without_orientation(go1), []
 
@@ -43,7 +43,7 @@ def test_its_tilt_is_right_within_a_degree(go1: Robot) -> None:
 
 
 def test_a_robot_that_moves_at_first_may_not_stand_up(go1: Robot) -> None:
-    """Its gyro reads 0.2 rad/s, which the filter would mistake for the bias."""
+    """The robot's gyro reads 0.2 rad/s, which the filter would take for a bias."""
     episode = short_episode(sample={"gyro_bias": np.array([0.0, 0.2, 0.0])})
     robot = without_orientation(go1)
     trace = run_episode(robot, Hold(robot), episode)

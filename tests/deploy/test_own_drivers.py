@@ -101,7 +101,7 @@ WRONG_PARTS = {
 
 
 def assert_refused(wiring: Any, import_path: str, part: str) -> None:
-    """One line that names the class and the missing part."""
+    """Loading must fail with one line that names the class and the missing part."""
     with pytest.raises(UserError) as refused:
         open_driver(wiring)
     assert "\n" not in str(refused.value)

@@ -68,7 +68,7 @@ def watch(monkeypatch: pytest.MonkeyPatch) -> Stopwatch:
 
 
 class SlowSteps(Hold):
-    """Its steps take these durations in turn, s."""
+    """A policy whose steps take the given durations in turn, s."""
 
     def __init__(self, robot: Robot, watch: Stopwatch, *durations_s: float) -> None:
         super().__init__(robot)

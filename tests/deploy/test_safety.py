@@ -107,7 +107,7 @@ class TestTable:
             assert len(state.faults) == 1
 
     def test_the_table_has_a_row_for_every_rule_except_the_time_to_start(self) -> None:
-        """And in every mode in which a rule counts, the row leads to a fault."""
+        """In every mode in which a rule counts, its row leads to a fault."""
         for check in CHECKS[1:]:
             rows = [row for row in TABLE if check.find(with_changes(FAULTLESS, row[0]), CONFIG)]
             assert rows, check.quantity

@@ -89,7 +89,7 @@ class TestGravity:
 
     @pytest.mark.parametrize("quaternion", ATTITUDES)
     def test_at_rest_the_mean_of_all_windows_counts(self, go1: Robot, quaternion: list[float]) -> None:
-        """Four windows of one reading and four of another are 0.32 s; 0.3 s are required."""
+        """Four windows of one reading and four windows of another reading take 0.32 s; 0.3 s are required."""
         windows, world = BodyWindows(go1, RestError), np.array([[1.0, 2.0, 9.0], [3.0, -1.0, 12.0]])
         acceleration = ScipyRotation.from_quat(quaternion, scalar_first=True).inv().apply(world)
         errors = [

@@ -182,7 +182,7 @@ class TestOpening:
     def test_a_failure_closes_the_others(
         self, sockets: list[FakeSocket], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """Also on a system without CAN."""
+        """The other buses are closed even on a system without CAN."""
         with pytest.raises(UserError, match=r"'broken' on socketcan: .*No such device$"):
             SocketCanBus(("can0", "broken"), FILTERS)
         assert [each.closed for each in sockets] == [True, True]

@@ -165,7 +165,7 @@ class Presses(Hold):
 
 
 def test_a_button_on_the_bus_lays_a_walking_robot_down(go1: Robot) -> None:
-    """On virtual buses, with a simulated robot at their other end."""
+    """The buses are virtual, with a simulated robot at their other end."""
     robot = with_inputs(go1, StopFrame("can1", 0x7F0))
     config = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.2, pose_rate_rad_s=4.0)
     plant = PlantConfig(motor_timeout_s=RELAXED.motor_timeout_s)

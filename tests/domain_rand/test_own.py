@@ -28,7 +28,7 @@ def randomised_plan(robot: Robot) -> EpisodePlan:
     return plan_episodes("randomised", scenarios["randomised"], 0, 1)[0]
 
 
-def test_it_replaces_only_its_own_quantities(own_folder: Path) -> None:
+def test_a_robots_file_replaces_only_its_own_quantities(own_folder: Path) -> None:
     robot = own_robot(own_folder, OWN)
     payload, offset = Distribution(-0.1, 0.3), Distribution(-0.03, 0.01)
     assert randomisation_of(robot) == replace(load_randomisation(), payload_kg=payload, com_offset_m=offset)

@@ -17,7 +17,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     return with_net(ROBOT, tmp_path_factory.mktemp("net") / "go1")
 
 
-def test_it_moves_a_robot_in_training_and_each_episode_begins_at_rest(robot: Robot) -> None:
+def test_a_net_moves_a_robot_in_training_and_each_episode_begins_at_rest(robot: Robot) -> None:
     moved = []
     for each in (ROBOT, robot):
         env = LocomotionEnv(each, IN_C)

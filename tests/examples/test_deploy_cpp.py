@@ -100,7 +100,9 @@ def test_the_program_gives_the_actions_of_the_shipped_policies(program: Path, na
     agree(program, ZOO / f"{name}-flat" / "policy.onnx", load_robot(name))
 
 
-def test_it_follows_a_gaits_reference(program: Path, contract: Contract, go1: Robot, tmp_path: Path) -> None:
+def test_the_program_follows_a_gaits_reference(
+    program: Path, contract: Contract, go1: Robot, tmp_path: Path
+) -> None:
     onnx = pytest.importorskip("onnx")
     weights = np.random.default_rng(3).normal(0.0, 0.1, (observation_size(contract), 12)).astype(np.float32)
     agree(program, write_network(onnx, tmp_path / "policy.onnx", weights, contract), go1)

@@ -9,7 +9,9 @@ pytest.importorskip("ipykernel")
 pytest.importorskip("matplotlib")
 
 
-def test_it_trains_deploys_and_plots(user_folder: UserFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_notebook_trains_deploys_and_plots(
+    user_folder: UserFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
     user_folder.copy("train_evaluate_deploy.ipynb")
     notebook = nbformat.read(user_folder.path / "train_evaluate_deploy.ipynb", as_version=4)

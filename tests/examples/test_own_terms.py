@@ -82,7 +82,7 @@ def test_a_task_is_trained(user_folder: UserFolder) -> None:
     assert 0.0 < metrics["reward/Rise"] <= 2.0
 
 
-def test_its_episodes_begin_crouched_on_the_ground(user_folder: UserFolder, go1: Robot) -> None:
+def test_episodes_begin_crouched_on_the_ground(user_folder: UserFolder, go1: Robot) -> None:
     user_folder.copy("stand_up.py", "stand_up.yaml")
     env = make_environment(go1, load_preset("stand_up.yaml", go1).env)
     keys = jax.random.split(jax.random.PRNGKey(0), 6)

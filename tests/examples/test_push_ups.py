@@ -25,7 +25,7 @@ def test_the_base_sinks_and_rises_while_all_feet_stand(user_folder: UserFolder) 
     assert trace.foot_contact.mean() > 0.95
 
 
-def test_it_is_deployed_by_its_name(user_folder: UserFolder) -> None:
+def test_the_example_is_deployed_by_its_name(user_folder: UserFolder) -> None:
     user_folder.copy("push_ups.py")
     user_folder.footfall(
         "deploy", "push_ups:PushUps", "--command", "0,0,0", "--duration", "1", "--json", "out.json"

@@ -42,7 +42,7 @@ def test_ctrl_c_while_modules_are_loaded_is_one_line(tmp_path: Path) -> None:
 
 
 def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
-    """Both commands in one process.
+    """Both commands run in one process.
 
     Deploy works without these libraries, and train names the missing extra.
     """

@@ -68,7 +68,7 @@ def test_viser_is_an_extra(shell: Shell, finished: Path, monkeypatch: pytest.Mon
 
 # Early, packages are imported that swallow a KeyboardInterrupt; later, a robot walks.
 @pytest.mark.parametrize(("number", "delay_s"), [(signal.SIGINT, 0.1), (signal.SIGTERM, 2.0)])
-def test_it_ends_quietly(finished: Path, number: signal.Signals, delay_s: float) -> None:
+def test_a_page_ends_quietly(finished: Path, number: signal.Signals, delay_s: float) -> None:
     port = free_port()
     command = [sys.executable, "-m", "footfall", "watch", finished, "--port", str(port)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

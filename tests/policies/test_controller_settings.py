@@ -39,7 +39,7 @@ class TestOverrides:
     def test_a_file_may_have_the_form_of_the_robots_own_and_lie_anywhere(
         self, go1: Robot, tmp_path: Path, text: str
     ) -> None:
-        """Also in a folder with an @ in its name."""
+        """The name of the folder may have an @."""
         folder = tmp_path / "me@home"
         folder.mkdir()
         (folder / "s.yaml").write_text(text)

@@ -119,8 +119,8 @@ class TestStep:
     def test_a_turn_across_a_heading_of_pi_gives_the_same_swing(self) -> None:
         """A turn across pi gives the same commands as a quarter of a circle earlier.
 
-        A quarter, because the friction pyramids are square. The joints stand still, toes outwards; the test
-        turns the body.
+        The other heading differs by a quarter of a circle, because friction pyramids are square. The joints
+        stand still, toes outwards; the test turns the body.
         """
         over_half_a_circle, earlier = self.turned(np.pi - 1.5), self.turned(np.pi / 2 - 1.5)
         np.testing.assert_allclose(over_half_a_circle, earlier, atol=1e-4)

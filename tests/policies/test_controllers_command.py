@@ -32,7 +32,7 @@ def test_small_commands_of_all_axes_together_mean_stand() -> None:
         assert shaped.value.any() == walks
 
 
-def test_it_walks_until_it_has_slowed_down_and_a_reset_stands() -> None:
+def test_a_robot_walks_until_it_has_slowed_down_and_a_reset_stands() -> None:
     shaped = ShapedCommand(SHAPING)
     shaped.advance(np.array([0.0, 0.5, 0.0]), 0.1)
     still = np.zeros(3)

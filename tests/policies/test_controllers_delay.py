@@ -56,7 +56,7 @@ def test_walks_and_turns_though_commands_act_30_ms_late() -> None:
 
 
 def test_walks_on_slippery_ground() -> None:
-    """With forces planned for a friction of 0.4 the feet would slide apart."""
+    """If the planned forces needed a friction of 0.4, the feet would slide apart."""
     schedule = CommandSchedule((0.0, 1.5), ((0.8, -0.3, -0.5), (-0.8, 0.3, 0.5)))
     episode = Episode(schedule, duration_s=2.4, sample={"friction": np.array(0.2)})
     trace = run_episode(ROBOT, load_policy("mpc", ROBOT), episode)

@@ -230,7 +230,7 @@ class TestMpc:
         assert not Disturbance(restart).active(slow, True, offsets[1], 0.1)
 
     def test_swinging_feet_move_relative_to_the_moving_base(self, mpc: Mpc) -> None:
-        """Their velocity is the change of their position in the base's axes."""
+        """The velocity of a foot is the change of its position in the base's axes."""
         base = base_of()
         spin = TILTED.apply(base.gyro)
         mpc.swing_feet.lift_off = RNG.uniform(-0.3, 0.3, (4, 3))

@@ -15,7 +15,7 @@ CONFIG = StandConfig(
 )
 
 
-def test_it_moves_from_its_initial_pose_to_a_level_default_pose() -> None:
+def test_a_robot_moves_from_its_initial_pose_to_a_level_default_pose() -> None:
     policy = Stand(ROBOT, CONFIG)
     begun = observed(Rotation.identity(), time_s=0.0)
     policy.reset(begun)

@@ -81,7 +81,7 @@ class TestGaits:
         assert most < 0.12
 
     def test_a_slow_walk_stays_on_its_feet(self) -> None:
-        """At 2 s a cycle the body would tip towards the foot in the air without sway.
+        """Without sway, at 2 s per cycle, the body would tip towards the foot in the air.
 
         It walks backwards, which is harder for this order of the feet.
         """

@@ -50,8 +50,8 @@ def walking(policy: Walk, command: tuple[float, float, float] = FORWARD, seconds
     return np.array([feet_of(policy.act(seen(start + k * dt_s, command)).position) for k in range(ticks)])
 
 
-def test_it_moves_to_its_stance_before_it_follows_a_command() -> None:
-    """On a straight line of joint angles; then the first steps begin."""
+def test_a_robot_moves_to_its_stance_before_it_follows_a_command() -> None:
+    """The joints move along a straight line; then the first steps begin."""
     policy, bent = make(), ROBOT.default_pose + 0.002 * np.arange(12)
     policy.reset(seen(joint=bent))
     ticks = round(CONFIG.settle_s * CONFIG.rate_hz)
@@ -70,7 +70,7 @@ def test_the_point_under_each_standing_foot_moves_with_the_ground(
     command: tuple[float, float, float],
 ) -> None:
     """Back under a base that moves by v + w x r. A foot is a sphere that rolls: as its shank turns, the point
-    under it goes farther than its centre. By MuJoCo's own Jacobians, in mid-stance.
+    under it goes farther than its centre. The motion is computed with MuJoCo's Jacobians, in mid-stance.
     """
     policy = make()
     policy.reset(seen())
@@ -87,7 +87,7 @@ def test_the_point_under_each_standing_foot_moves_with_the_ground(
 
 
 def test_the_body_reaches_another_height_at_its_own_rate() -> None:
-    """2 cm at 0.1 m/s."""
+    """The height changes by 2 cm at 0.1 m/s."""
     policy = make()
     before = walking(policy, (0.0, 0.0, 0.0), seconds=0.1)[-1]
     policy.change(step=replace(CONFIG.step, body_height_m=CONFIG.step.body_height_m + 0.02))
@@ -126,7 +126,7 @@ def test_with_a_sway_the_weight_is_shifted_first_and_back_last() -> None:
 
 
 class TestHeading:
-    """By a gain of 2 and 0.2 rad at most."""
+    """Correction of the heading with a gain of 2, for at most 0.2 rad."""
 
     CONFIG = HeadingConfig(2.0, 0.2)
 
@@ -155,9 +155,9 @@ class TestHeading:
 
 
 class TestGround:
-    """By the clock some feet stand and others swing.
+    """According to the clock some feet stand and others swing.
 
-    Some of the former carry no load, some of the latter do.
+    Some standing feet carry no load, and some swinging feet carry load.
     """
 
     assert CONFIG.touch_down is not None

@@ -88,7 +88,7 @@ class TestFoot:
         return np.array(self.ROLLING) @ (VELOCITY[:2] + np.cross([0.0, 0.0, 0.2], [*point, 0.0])[:2])
 
     def test_a_swinging_foot_is_between_two_points_that_move_with_the_ground(self, foot: Foot) -> None:
-        """At three quarters of the swing: a blend of 459 / 512, half of the lift, and 0.2 s are left."""
+        """At three quarters of the swing the blend is 459 / 512, the lift is half, and 0.2 s are left."""
         foot.lift_off(0.04)
         foot.fly(VELOCITY.tolist(), 0.5, 0.75, TIMING)
         left = self.HERE - 0.5 * self.passing(self.HERE)
@@ -161,7 +161,7 @@ class TestCycle:
         [(0.012, 0.012), (0.0, 0.0), (-0.01, 0.0), (0.1, 0.03)],  # a swing of 3 cm meets no ground above it
     )
     def test_early_touch_down_is_on_ground(self, cycle: FootCycle, above_m: float, stands_m: float) -> None:
-        """Its own height in the plan does not matter: the body may have tipped it down."""
+        """The planned height of the foot does not matter, because the body may be tilted."""
         lift_feet(cycle, 1)
         cycle.each_foot[0].z, cycle.each_foot[1].z = -0.002, 0.02
         cycle.touch_down(np.array([False, True]), np.array([-0.3, -0.298 + above_m]))
@@ -204,7 +204,10 @@ class TestWalk:
         np.testing.assert_allclose(policy.stance(), [0.0, 0.5, 1.0, 0.5, 1.0, 0.0], atol=1e-9)
 
     def test_a_foot_that_is_pushed_in_its_late_swing_touches_down(self, walk: SimpleNamespace) -> None:
-        """Three feet are in the air: one carries too little, one carries enough too early. Three stand."""
+        """Three feet are in the air: one carries too little, one carries enough too early.
+
+        The other three feet stand.
+        """
         config = walk.config.touch_down
         cycle, (least, enough) = walk.policy.stepping.cycle, config.force_share
         lift_feet(cycle, 0, 1, 2)
@@ -258,7 +261,7 @@ class TestLimits:
 
     @pytest.mark.parametrize(("speed", "stride"), [(0.4, 0.8), (0.5, 0.6), (0.6, 0.6)])
     def test_strides_are_shortened_to_the_legs_reach(self, speed: float, stride: float) -> None:
-        """Also where feet are out of reach for a moment at the beginning or the end of a swing alone."""
+        """Strides are shortened even if feet are out of reach only briefly in a swing."""
         walk = self.steady((speed, 0.0, 0.0))
         pace = self.limits(1.0).pace(walk)
         assert pace.reason.startswith("strides are shortened: feet would be out of the legs' reach")

@@ -26,7 +26,7 @@ def timing(period_s: float, duty: float = DUTY) -> GaitTiming:
 def test_the_body_sways_to_the_side_with_both_feet_down() -> None:
     """The middle of three corners is a third of the half width away: a square wave.
 
-    Its first sine has 4 / pi of that amplitude.
+    The first sine of this sway has 4 / pi of the amplitude.
     """
     pressure = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 1.0).pressure
     most = 4 / math.pi * ASIDE / 3
@@ -62,7 +62,7 @@ def test_with_the_sway_the_weight_is_well_inside_the_three_feet_that_stand() -> 
 
 
 def test_a_walk_begins_where_the_body_turns_back() -> None:
-    """To the right at 1/4, when front left lifts off, or to the left at 3/4, when front right does."""
+    """The body turns back on the right at 1/4, and on the left at 3/4, when the front foot lifts off."""
     plan = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 1.0)
     assert (plan.start(0.4) + 0.02) % 0.5 == pytest.approx(0.25, abs=3e-3)
     none = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 0.0)

@@ -61,7 +61,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     return load_robot(folder)
 
 
-def test_its_gait_has_one_foot_in_the_air_and_the_middle_one_last(robot: Robot) -> None:
+def test_the_gait_has_one_foot_in_the_air_and_the_middle_foot_last(robot: Robot) -> None:
     gait = find_gait("wave", robot)
     begins = (gait.duty - gait.phase) % 1.0
     assert [NAMES[k] for k in np.argsort(begins)] == ["mr", "ml", "fr", "fl", "tail"]
@@ -69,7 +69,7 @@ def test_its_gait_has_one_foot_in_the_air_and_the_middle_one_last(robot: Robot) 
         assert ((clock + gait.phase) % 1.0 >= gait.duty).sum() == 1
 
 
-def test_it_tracks_the_command_over_the_bus(robot: Robot) -> None:
+def test_the_robot_tracks_the_command_over_the_bus(robot: Robot) -> None:
     policy = load_policy("wave", robot)
     assert isinstance(policy, Walk)
     episode = Episode(lambda _: np.array([0.2, 0.0, 0.0]), 4.0, seed=1)
@@ -85,7 +85,7 @@ def test_it_tracks_the_command_over_the_bus(robot: Robot) -> None:
     assert set(trace.foot_contact[late].sum(axis=1).tolist()) <= {3, 4, 5}
 
 
-def test_its_training_contract_has_that_gait_and_its_policy_stands(robot: Robot, tmp_path: Path) -> None:
+def test_the_training_contract_has_the_gait_and_the_policy_stands(robot: Robot, tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
     pytest.importorskip("jax")
     from footfall.envs.locomotion import LocomotionEnv

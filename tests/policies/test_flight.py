@@ -24,7 +24,7 @@ ROBOT = load_robot("go1")
 
 
 def run(policy: Policy, command: tuple[float, float, float], duration_s: float = 1.7) -> Trace:
-    """On a randomised robot."""
+    """A run of the policy on a randomised robot."""
     rng = np.random.default_rng(2)
     sample = draw(randomisation_of(ROBOT), rng.random, 12, load_spec(ROBOT.xml_path).compile().nbody - 1)
     episode = Episode(

@@ -45,7 +45,7 @@ class Landings:
         self.touched.append(touches)
 
 
-def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit() -> None:
+def test_a_hexapod_walks_straight_without_sinking_or_a_joint_beyond_its_limit() -> None:
     policy = load_policy("tripod", ROBOT)
     assert isinstance(policy, Walk)
     landings = Landings(policy)
@@ -69,7 +69,7 @@ def test_it_walks_straight_without_sinking_or_a_joint_beyond_its_limit() -> None
 def test_a_foot_stops_on_a_block_and_the_body_stays_level(tmp_path: Path) -> None:
     """The block is 2 cm high, under the first step of the left foreleg.
 
-    By the clock alone the foot would lift the body by 1 cm.
+    A foot that followed only the clock would lift the body by 1 cm.
     """
     block = """<worldbody>
       <geom name="floor" type="plane" size="0 0 1" contype="2147483647" conaffinity="2147483647"/>

@@ -29,7 +29,7 @@ def jumps(trace: Trace) -> int:
 
 
 def test_on_command_it_jumps_ahead_and_stands_again() -> None:
-    """It jumps once, although the command lasts until it has landed."""
+    """The robot jumps once, although the command lasts until after the landing."""
     episode = Episode(
         command_source=lambda time_s: np.array([0.5 * (time_s < 1.2), 0.0, 0.0]),
         duration_s=3.0,

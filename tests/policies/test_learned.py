@@ -56,7 +56,7 @@ def test_a_second_episode_is_the_first_to_the_bit(policy: LearnedPolicy) -> None
 
 
 def test_history_begins_with_the_first_reading(policy: LearnedPolicy, contract: Contract) -> None:
-    """As in training: earlier readings are copies of the first."""
+    """As in training, missing earlier readings are copies of the first reading."""
     seen = observations(1)[0]
     policy.reset(seen)
     policy.act(seen)
@@ -73,7 +73,7 @@ def test_the_last_action_is_observed(policy: LearnedPolicy) -> None:
     np.testing.assert_allclose(policy.observed[-2 - 12 : -2], taken, rtol=1e-6)
 
 
-def test_its_command_is_a_target_under_the_contracts_gains(policy: LearnedPolicy, contract: Contract) -> None:
+def test_the_command_is_a_target_under_the_contracts_gains(policy: LearnedPolicy, contract: Contract) -> None:
     """With no reference gait, the target is the default pose and the scaled action."""
     seen = observations(1)[0]._replace(command=np.zeros(3))
     policy.reset(seen)
@@ -86,7 +86,7 @@ def test_its_command_is_a_target_under_the_contracts_gains(policy: LearnedPolicy
     np.testing.assert_array_equal([command.velocity, command.torque], 0.0)
 
 
-def test_its_action_is_the_networks_output(tmp_path: Path, contract: Contract, go1: Robot) -> None:
+def test_the_action_is_the_networks_output(tmp_path: Path, contract: Contract, go1: Robot) -> None:
     """Actions of any size are passed on: the joint layer limits the targets."""
     weights = np.random.default_rng(5).standard_normal((observation_size(contract), 12)).astype(np.float32)
     policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
@@ -95,8 +95,11 @@ def test_its_action_is_the_networks_output(tmp_path: Path, contract: Contract, g
     assert np.abs(policy.action).max() > 2.0
 
 
-def test_it_runs_at_its_contracts_rate(tmp_path: Path, contract: Contract, go1: Robot) -> None:
-    """Its clock does so too: 2.2 Hz at 40 steps a second are 0.055 cycles a step."""
+def test_a_policy_runs_at_its_contracts_rate(tmp_path: Path, contract: Contract, go1: Robot) -> None:
+    """The policy's clock has the contract's rate, too.
+
+    2.2 Hz at 40 steps per second are 0.055 cycles per step.
+    """
     contract = replace(contract, control_rate_hz=40.0)
     weights = np.zeros((observation_size(contract), 12), np.float32)
     policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
@@ -147,7 +150,7 @@ def write_graph(
     return path
 
 
-def test_its_name_is_that_of_its_file_or_the_given_one(
+def test_a_policys_name_is_that_of_its_file_or_the_given_name(
     tmp_path: Path, contract: Contract, go1: Robot
 ) -> None:
     """The names of its input and output may be any."""
@@ -183,7 +186,7 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path, contract: Contract,
         refusal(write_network(onnx, tmp_path / "p.onnx", weights, contract), "NaN")
 
 
-def test_it_uses_one_core_and_prints_nothing(policy: LearnedPolicy) -> None:
+def test_a_policy_uses_one_core_and_prints_nothing(policy: LearnedPolicy) -> None:
     """A control loop has one core, and would miss deadlines beside busy threads."""
     options = policy._session.get_session_options()
     assert (options.intra_op_num_threads, options.inter_op_num_threads) == (1, 1)

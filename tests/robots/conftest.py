@@ -9,11 +9,11 @@ from footfall.robots.importer.create import Imported
 
 @pytest.fixture(scope="session")
 def four(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
-    """From a URDF."""
+    """The machine of a four-legged robot in a URDF."""
     return make(tmp_path_factory.mktemp("four"), quadruped())
 
 
 @pytest.fixture(scope="session")
 def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
-    """From an MJCF, on soles."""
+    """The machine of a two-legged robot with soles in an MJCF."""
     return make(tmp_path_factory.mktemp("two"), BIPED_MJCF, "xml")

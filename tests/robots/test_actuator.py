@@ -115,7 +115,7 @@ def test_different_motors_follow_the_law_with_their_own_parameters() -> None:
 
 
 def test_targets_by_hand() -> None:
-    """Six joints: in reach, too far up, too far down, and outside the limits by a little and by much."""
+    """Six targets are in reach, too high, too low, and outside the limits by a little and by much."""
     lower, upper = np.array([-1.0, -1, -1, -1, -1, 0.5]), np.array([2.0, 2, 2, 2, 2, 0.8])
     previous = np.array([0.3, 0.3, 0.3, -0.95, 1.97, 0.75])
     goal = np.array([0.35, 1.0, -0.4, -3.0, 2.4, 0.2])

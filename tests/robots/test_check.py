@@ -118,7 +118,7 @@ class TestCommand:
     def test_a_biped_on_points(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """It is supported at first; without that the check finds that it does not stand."""
+        """The check supports the biped at first. Without support the check finds that the biped falls."""
         (tmp_path / "m.urdf").write_text(quadruped(foot=BALL))
         arguments = ["--from", str(tmp_path / "m.urdf"), "--out", str(tmp_path / "two")]
         monkeypatch.setattr("footfall.plant.lying.find_lying_pose", lambda _: None)  # takes seconds

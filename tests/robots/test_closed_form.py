@@ -59,7 +59,7 @@ def test_the_knee_bends_as_in_the_default_pose_counted_from_links_in_a_line(knee
         np.testing.assert_allclose(found, chain.default, atol=1e-9)
 
 
-def test_out_of_reach_it_stretches_towards_the_position_within_the_limits() -> None:
+def test_a_limb_stretches_towards_a_position_out_of_reach_within_the_limits() -> None:
     chain = limb(first=(1.0, 0.0, 0.0))
     form = closed_form(chain, tip_at(chain, chain.default))
     assert form is not None

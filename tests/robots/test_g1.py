@@ -30,8 +30,8 @@ def standing(g1: Robot, model: mujoco.MjModel) -> mujoco.MjData:
     return data
 
 
-def test_it_stands_on_four_corners_a_sole_under_the_joint_law(g1: Robot, model: mujoco.MjModel) -> None:
-    """With the gains that the control loop stands it up with, for three seconds."""
+def test_the_g1_stands_on_four_corners_a_sole_under_the_joint_law(g1: Robot, model: mujoco.MjModel) -> None:
+    """The gains are those for standing up; the robot stands for three seconds."""
     data = standing(g1, model)
     positions, dofs = joint_addresses(model, g1)
     zero = np.zeros(12)

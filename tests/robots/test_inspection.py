@@ -19,13 +19,13 @@ def straight(name: str, y: float, length: float) -> Leg:
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    """On a base of 4 kg; one leg is 8 mm shorter than the other."""
+    """A robot with a base of 4 kg; one leg is 8 mm shorter than the other."""
     return write_robot(tmp_path_factory.mktemp("two"), [straight("l", 0.1, 0.2), straight("r", -0.12, 0.192)])
 
 
 @pytest.fixture
 def copy(robot: Robot, tmp_path: Path) -> Path:
-    """Its folder, free to be changed."""
+    """A copy of the robot's folder, which a test may change."""
     shutil.copytree(robot.folder, tmp_path / "copy")
     return tmp_path / "copy"
 

@@ -29,7 +29,7 @@ def lean(robot: Robot) -> mujoco.MjModel:
 
 
 def in_pose(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> mujoco.MjData:
-    """In the air, the joints at a pose (n,)."""
+    """Data of the robot in the air, with its joints in a pose (n,)."""
     data = mujoco.MjData(model)
     data.qpos[2] = 5.0
     data.qpos[joint_addresses(model, robot)[0]] = pose
@@ -88,7 +88,7 @@ def test_pairs_stay_on_the_plant_if_legs_collide_only_through_them(own_folder: P
 
 @pytest.mark.parametrize("name", ["go1", "hexapod"])
 def test_a_capsule_ends_within_its_foot(name: str) -> None:
-    """So the foot touches the ground first, at any angle of the leg."""
+    """The foot touches the ground first, at any angle of the leg."""
     model = load_spec(load_robot(name).xml_path).compile()
     for geom in {int(g) for pair in (model.pair_geom1, model.pair_geom2) for g in pair}:
         foot = model.geom(model.geom(geom).name.replace("shank", "foot"))

@@ -111,7 +111,7 @@ class TestSoles:
 
 
 def test_a_leg_of_two_hinges_beside_one_of_three_moves_as_far_as_it_can(tmp_path: Path) -> None:
-    """It moves in its own plane only."""
+    """A leg of two hinges moves only in its plane."""
     hip, knee = (Hinge(PITCH, (0.0, 0.0, -0.2), angle) for angle in (0.5, -0.9))
     legs = write_robot(
         tmp_path, [quadruped_leg("a", 0.2, 0.1), Leg("b", (-0.2, -0.1, 0.0), (hip, knee))]

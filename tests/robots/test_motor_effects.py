@@ -100,7 +100,7 @@ def test_backlash_and_compliance_are_in_equilibrium_with_the_control_loop() -> N
 
 
 def test_within_the_backlash_the_joint_is_free() -> None:
-    """There is no stiffness and no damping; beyond the backlash both act.
+    """Stiffness and damping act only beyond the backlash.
 
     Damping without stiffness acts everywhere.
     """

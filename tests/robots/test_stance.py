@@ -84,7 +84,7 @@ def odd(own_folder: Path) -> Robot:
 
 
 def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(odd: Robot) -> None:
-    """Its momenta about each axis in the default pose; the gate is no part of the robot."""
+    """The momenta about each axis are equal in the default pose. The gate is not a part of the robot."""
     model = load_spec(odd.xml_path).compile()
     data = in_default_pose(model, odd.description)
     body, trunk = nominal_body(odd), model.body("trunk").id
@@ -101,7 +101,7 @@ def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(odd: Robot) -> None:
 
 
 def test_a_legs_inertia_is_that_at_its_joints(odd: Robot) -> None:
-    """With the base held, without weight and motion, torques M a on one leg accelerate its joints by a."""
+    """If the base is held, torques M a on one leg accelerate its joints by a, without gravity and motion."""
     model = load_spec(odd.xml_path).compile()
     model.opt.gravity[:] = 0.0
     model.dof_frictionloss[:] = 0.0

@@ -24,7 +24,7 @@ def own_training(folder: Path, text: str) -> Path:
     return folder
 
 
-def test_it_replaces_only_its_own_keys(own_folder: Path) -> None:
+def test_a_robots_file_replaces_only_its_own_keys(own_folder: Path) -> None:
     changes = "gait: {frequency_hz: 1.5}, rewards: {torque: -0.5}, commands: {hold_s: {low: 1, high: 2}}"
     robot = load_robot(own_training(own_folder, f"env: {{{changes}}}"))
     mine, shipped = load_preset("cpu", robot).env, load_preset("cpu").env

@@ -64,7 +64,7 @@ class Reaching(NumberEnvironment):
         return -jnp.sum((action - self.TARGET) ** 2, axis=-1)
 
 
-def test_it_learns_the_rewarded_action() -> None:
+def test_ppo_learns_the_rewarded_action() -> None:
     """An actor that begins at zero ends where the reward is largest, and its standard deviation falls."""
     iterations, environments = 20, 64
     config = replace(

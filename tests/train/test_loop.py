@@ -72,7 +72,7 @@ def logged(run: Run) -> list[dict[str, float]]:
     return [json.loads(line) for line in (run.folder / "metrics.jsonl").read_text().splitlines()]
 
 
-def test_it_iterates_to_the_end_logs_each_iteration_and_saves_the_last(run: Run) -> None:
+def test_the_loop_logs_each_iteration_and_saves_the_last(run: Run) -> None:
     trainer = FakeTrainer(run)
     learn(run, trainer, quiet())
     assert trainer.calls == ["iterate 1", "iterate 2", "iterate 3", "iterate 4", "save 4"]

@@ -96,7 +96,10 @@ def test_a_long_gradient_is_clipped() -> None:
 
 
 class TestEpochs:
-    """Four epochs of three mini-batches. The loss shows its arguments and is equally steep everywhere."""
+    """Learning with four epochs of three mini-batches.
+
+    The loss shows its arguments and is equally steep everywhere.
+    """
 
     CONFIG = counting_config()
     NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)

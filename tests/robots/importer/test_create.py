@@ -86,7 +86,7 @@ class TestDerived:
         assert robot.default_pose[robot.joint_index("left_knee")] > 0.2
 
     def test_knees_that_bend_backward_are_noted(self, tmp_path: Path) -> None:
-        """On two legs the model's x axis likely points backward."""
+        """If a biped's knees bend backward, the model's x axis probably points backward."""
         backward = BIPED_MJCF.replace('range="0 2.2"', 'range="-2.2 0"').replace("-1.8 0.6", "-0.6 1.8")
         _, made = make(tmp_path, backward, "xml")
         assert any("knees bend backward" in guess for guess in made.guesses)
@@ -151,7 +151,7 @@ def test_a_torque_is_given_by_a_part_of_a_joints_name(tmp_path: Path) -> None:
 
 
 class TestRefusals:
-    """One line, exit status 2, and nothing written."""
+    """Each refusal is one line with exit status 2; no file is written."""
 
     @pytest.fixture
     def refusal(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:

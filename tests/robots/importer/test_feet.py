@@ -67,7 +67,10 @@ class TestFeet:
         assert [g.name for g in others] == ["c"]
 
     def test_capsules_along_the_ground_become_spheres_at_the_corners_of_their_outline(self) -> None:
-        """Three of 0.2, 0.24 and 0.2 m side by side, 12 mm thick; only a leg with an ankle has soles."""
+        """The capsules are 0.2, 0.24 and 0.2 m long, side by side and 12 mm thick.
+
+        Only a leg with an ankle has soles.
+        """
         ahead = turned(0.0, np.pi / 2, 0.0)
         rods = [
             geom(f"rod {y}", Kind.mjGEOM_CAPSULE, [0.012, half], [0.03, y, 0.012], turn=ahead)

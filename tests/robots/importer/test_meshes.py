@@ -29,7 +29,10 @@ class TestMeshes:
 
 class TestMeshFiles:
     def test_a_collada_scene_of_nested_nodes(self, tmp_path: Path) -> None:
-        """In centimetres: points doubled along x and moved by 1, then turned by a quarter about z."""
+        """The scene is in centimetres.
+
+        Points are doubled along x, moved by 1, then turned by a quarter turn about z.
+        """
         (tmp_path / "a.DAE").write_text(
             """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">
             <asset><unit meter="0.01"/></asset><library_geometries><geometry id="g"><mesh>

@@ -42,7 +42,10 @@ class TestTurned:
         assert machine.links[0].centre == pytest.approx(kept.links[0].centre * [-1.0, -1.0, 1.0])
 
     def test_a_file_whose_y_axis_points_up(self, tmp_path: Path) -> None:
-        """Without that option no limb is below its base; with it the machine equals the one with z up."""
+        """Without the option no limb is below the base.
+
+        With the option the machine equals that of the file with z up.
+        """
         upright = read(tmp_path, BIPED_MJCF)
         lying = turned(upright, base_of(upright.model), "x", "-y")
         with pytest.raises(UserError, match="--up"):

@@ -93,7 +93,7 @@ class TestPose:
     def test_a_legs_pose_equals_another_legs_or_its_mirror_image(
         self, tmp_path: Path, other: int, across: float
     ) -> None:
-        """Also for hinges of the opposite direction and another zero."""
+        """The hinges may have the opposite direction and another zero."""
         text = walker()
         for name in ("fr", "rl"):
             text = text.replace(f'"{name}_hip" axis="0 1 0"', f'"{name}_hip" axis="0 -1 0" ref="0.4"')

@@ -50,7 +50,10 @@ class TestStatics:
 
 
 class TestTorques:
-    """10 kg on two legs that swing sideways about hips 0.1 m off the middle; feet 0.05 m farther out."""
+    """Torques of a 10 kg robot on two legs, which swing sideways about hips 0.1 m from the middle.
+
+    The feet are 0.05 m farther out.
+    """
 
     def found(self, centre: tuple[float, float, float], weight: float = 0.0) -> Statics:
         legs = "".join(
