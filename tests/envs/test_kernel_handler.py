@@ -18,7 +18,7 @@ LAUNCHER = handler.LAUNCHER
 
 @contextmanager
 def kernel(name: str, handle: int, loaded: int = 0) -> Iterator[tuple[Any, list[Any]]]:
-    """A compiled program that calls a kernel, a + 2 b, and the arguments of its launches."""
+    """A compiled program that calls a kernel for a + 2 b, and the arguments of its launches."""
     seen: list[Any] = []
     slot = ctypes.c_void_p(handle)
 
@@ -60,7 +60,7 @@ def test_the_first_call_waits_until_the_kernel_is_loaded() -> None:
 
 
 def words(*values: int | None) -> Any:
-    """A structure of XLA's interface whose fields all take eight bytes."""
+    """A structure of XLA's interface with fields of eight bytes each."""
     return (ctypes.c_void_p * len(values))(*values)
 
 

@@ -68,7 +68,7 @@ def row(falls: int, episodes: int, interval: tuple[float, float], **more: float 
     return {"falls": falls, "episodes": episodes, "fall_rate_interval": list(interval), **more}
 
 
-def test_the_share_that_stood_is_drawn_between_its_edges(drawn: list[Drawn]) -> None:
+def test_the_share_without_a_fall_is_drawn_for_each_push(drawn: list[Drawn]) -> None:
     rows = [row(1, 8, (0.05, 0.4), push_m_s=1.0), row(6, 8, (0.5, 0.9), push_m_s=2.5)]
     half = {"dv50": 1.8, "dv50_interval": [1.5, None], "dv50_width": 0.25, "strongest_push": 3.0}
     summary = {"rows": rows, "falls": 7, "episodes": 16, **half}
@@ -189,7 +189,7 @@ class TestLearning:
         ]
         (tmp_path / "metrics.jsonl").write_text("\n".join(lines))
         plot = learning_curves.learning_curves({"stand": "stand", "mine": str(tmp_path)})
-        reward, length = drawn  # of the error there is nothing to show
+        reward, length = drawn  # there is no error to show
         assert reward.points(svg.colour(1)) == [[1.5, 3.0, 4.5], [0.5, 1.0, 1.5]]
         assert length.points(svg.colour(1))[1] == [-3.0, -6.0, -9.0]
         assert list(plot.legend) == [1]
@@ -204,7 +204,7 @@ def test_without_data_there_is_no_panel(go1: Robot) -> None:
     assert not any(plot.panels for plot in plots)
 
 
-def test_readings_are_at_their_points() -> None:
+def test_each_value_is_at_its_point() -> None:
     with Panel("p", height=120.0) as panel:
         panel.axes.plot([0.0, 4.0], [-1.0, 1.0], color="#123456")
         panel.axes.set(xlim=(0.0, 4.0), ylim=(-1.0, 1.0))

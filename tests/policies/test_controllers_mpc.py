@@ -31,7 +31,7 @@ HEIGHT = float(LEGS.foot_radius.mean() - LEGS.default_foot[:, 2].mean())  # of t
 def standing(
     yaw: float = 0.0, time_s: float = 0.0, command: Any = (0.0, 0.0, 0.0), velocity: Any = STILL
 ) -> PolicyInput:
-    """In the default pose, level, base velocity in the body frame."""
+    """Inputs of a robot in its default pose, level, with a base velocity in the body frame."""
     height = HEIGHT - LEGS.foot_radius[0]
     return policy_input(ROBOT, time_s, command, velocity, height, turn=Rotation.from_euler("z", yaw))
 
@@ -64,7 +64,7 @@ class Planned(NamedTuple):
 
 @pytest.mark.parametrize(("begun", "now"), [(2.0, 2.1), (3.1, 3.2 - 2 * np.pi)])
 def test_turned_to_the_left_it_pushes_back_to_the_right(begun: float, now: float) -> None:
-    """Also at the heading where angles jump from pi to -pi."""
+    """The direction is right even at the heading where angles jump from pi to -pi."""
     policy = Mpc(ROBOT)
     policy.reset(standing(begun))
     assert yaw_moment(forces(policy.act(standing(now)))) < -0.5
@@ -134,7 +134,7 @@ class TestPlan:
         assert len(planned) > 10
 
     def test_it_begins_from_the_applied_forces(self, policy: Mpc, planned: list[Planned]) -> None:
-        """At first an even share of the weight; later the previous plan, rotated to the present heading."""
+        """The first plan begins with equal shares of the weight, later ones with the turned previous plan."""
         for _ in range(2):
             policy.reset(standing(2.0))
             policy.act(standing(2.0, velocity=(0.0, 0.4, 0.0)))
