@@ -25,7 +25,7 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path | str | None] = ())
         inputs: files that the command reads. Texts that are no file, such as a policy's name, do not matter.
 
     Raises:
-        UserError: one cannot, two are the same, or one would overwrite an input.
+        UserError: a file cannot be written, two outputs are the same, or an output would overwrite an input.
     """
     given = [path for path in paths if path is not None]
     read = {_target(Path(each)) for each in inputs if each is not None and os.path.isfile(each)}

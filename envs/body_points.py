@@ -21,7 +21,7 @@ SPACING_M = 0.13  # between two points along a shape, at most
 
 
 class Level(NamedTuple):
-    """Links at the same depth of the tree; a link's index in the level above is its parent's number."""
+    """Links at the same depth of the tree. A parent is given by its index in the level above."""
 
     parent: np.ndarray  # (links,)
     position: np.ndarray  # (links, 3) m, in the parent's frame
@@ -96,7 +96,10 @@ def _levels(model: mujoco.MjModel, by_depth: list[list[Link]]) -> Iterator[Level
 
 
 def _about(axis: np.ndarray, angle: jax.Array) -> jax.Array:
-    """Rotations (links, 3, 3) about unit axes (links, 3), or none about a zero one (Rodrigues' formula)."""
+    """Rotations (links, 3, 3) about unit axes (links, 3), by Rodrigues' formula.
+
+    The identity for a zero axis.
+    """
     x, y, z = axis.T
     nothing = np.zeros_like(x)
     skew = np.stack([nothing, -z, y, z, nothing, -x, -y, x, nothing], axis=1).reshape(-1, 3, 3)

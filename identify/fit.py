@@ -78,7 +78,7 @@ class LegFit:
 
     @property
     def nominal_rad(self) -> np.ndarray:
-        """Same for the nominal leg, (n,)."""
+        """Rms error of the nominal leg's positions over the held-out windows, (n,)."""
         return _rms(self.held_out.nominal_rad - self.held_out.read_rad)
 
     @property

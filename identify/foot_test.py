@@ -50,7 +50,7 @@ class Hold(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What was measured during a hold."""
+    """Measurements during a hold."""
 
     hold: Hold
     offset: np.ndarray  # (3,) m, by the encoders
@@ -59,13 +59,13 @@ class Held(NamedTuple):
 
 
 def reaches(config: FootTestConfig) -> list[Hold]:
-    """Both directions of each axis."""
+    """Holds at both ends of each axis."""
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     return [Hold(config.reach_m * axis, 0.0, config.hold_s) for axis in axes]
 
 
 def presses(robot: Robot, config: FootTestConfig) -> list[Hold]:
-    """Increasing forces in the default pose: friction then always acts in the same sense."""
+    """Holds with increasing forces in the default pose: friction then always acts in the same direction."""
     weight_n = GRAVITY_M_S2 * robot.legs.mass
     return [Hold(np.zeros(3), share * weight_n, config.press_s) for share in sorted(config.presses)]
 
@@ -87,7 +87,7 @@ class FootTest:
         rate_hz: float,
         weigh: Callable[[], float] = lambda: np.nan,
     ) -> None:
-        """Arguments as named.
+        """Plan the motion.
 
         Args:
             robot: robot on a stand.
@@ -174,7 +174,7 @@ def largest_error(held: Sequence[Held]) -> float:
 
 
 def press_findings(held: Sequence[Held], config: FootTestConfig) -> list[str]:
-    """What is wrong with the forces; empty if nothing.
+    """Problems of the forces; empty if there are none.
 
     Slopes over all holds are compared: a preload, or a scale with another zero, has no effect.
     """
@@ -192,7 +192,7 @@ def press_findings(held: Sequence[Held], config: FootTestConfig) -> list[str]:
 
 
 def reach_findings(held: Sequence[Held], config: FootTestConfig) -> list[str]:
-    """What is wrong with the positions; empty if nothing."""
+    """Problems of the positions; empty if there are none."""
     error_m = largest_error(held)
     if error_m <= config.error_m:
         return []

@@ -67,7 +67,7 @@ def own_handshake(served_at: str) -> Iterator[None]:
                 return process_request(connection, request)
             request.headers.pop("Accept-Encoding", None)  # viser would send its compressed page
             response = process_request(connection, request)
-            return response if response is None else _ours(response)
+            return response if response is None else _with_own_head(response)
 
         return serve(*arguments, process_request=process, **options)
 
@@ -78,7 +78,7 @@ def own_handshake(served_at: str) -> Iterator[None]:
         server.serve = serve  # type: ignore[misc]
 
 
-def _ours(response: Any) -> Any:
+def _with_own_head(response: Any) -> Any:
     """The page with footfall's head."""
     response.body = response.body.replace(b"<title>Viser</title>", HEAD.read_bytes(), 1)
     del response.headers["Content-Length"]

@@ -7,8 +7,9 @@ Upstream: no report of it was found; JAX is about to drop the older partitioner.
 Remove it when a jax release no longer crashes: tests/envs/test_workarounds.py then fails where jax 0.11 is
 installed.
 
-The older one aborts inside a `shard_map` at a sort of several arrays or of several rows ("Check failed:
-!IsManualLeaf()"), depending on what XLA made of the code around it: `permutation` sorts single arrays.
+The older partitioner aborts inside a `shard_map` at a sort of several arrays or of several rows ("Check
+failed: !IsManualLeaf()"), depending on what XLA made of the code around it: `permutation` sorts single
+arrays.
 """
 
 import math

@@ -69,7 +69,7 @@ def merged(outputs: Iterable[Sequence[Scalar]]) -> list[Scalar]:
 
 
 def _operands_first(results: list[Each]) -> list[Each]:
-    """All nodes that these need, those of each limb side by side."""
+    """All nodes that these nodes need; corresponding nodes of the limbs are side by side."""
     found, waiting = set[Each](), list(results)
     while waiting:
         values = waiting.pop()

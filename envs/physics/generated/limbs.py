@@ -27,7 +27,7 @@ class Pair(NamedTuple):
     """A contact between two limbs, as the program of one of them sees it."""
 
     geom_pair: GeomPair
-    number: int | None  # among all such contacts; None: this limb takes no part in a contact like this
+    number: int | None  # index among all such contacts; None: this limb has no such contact
     slot: int  # index of the exchange with a partner
     own: tuple[int, int]  # this limb's geoms that correspond to the first and the second geom
     side: int  # index of this limb's geom in the contact

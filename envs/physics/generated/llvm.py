@@ -68,7 +68,7 @@ class Program:
         self.move([array.ctypes.data for array in arrays], first, last)
 
     def move(self, pointers: Sequence[int], first: int, last: int) -> None:
-        """The same with the arrays' addresses."""
+        """Move the robots, given the addresses of the arrays."""
         if last > first:
             self._function(*pointers, first, last)
 
