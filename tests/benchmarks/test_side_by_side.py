@@ -18,7 +18,7 @@ def network(rng: np.random.Generator, sizes: tuple[int, ...]) -> Exported:
     return Exported(rng.normal(size=sizes[0]), rng.uniform(0.5, 2.0, sizes[0]), layers)
 
 
-def test_the_joined_network_has_the_first_ones_actions_and_contains_the_second() -> None:
+def test_the_joined_network_has_the_first_networks_actions_and_contains_the_second() -> None:
     rng = np.random.default_rng(0)
     first, second = network(rng, (9, 8, 4, 3)), network(rng, (5, 6, 7, 3))
     seen, observed = np.array([8, 1, 3, 0, 6]), rng.normal(size=(20, 9)).astype(np.float32)

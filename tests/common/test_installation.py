@@ -107,7 +107,9 @@ def test_a_failing_import_inside_footfall_is_not_reported_as_a_missing_package()
         import footfall.nosuchroom  # noqa: F401
 
 
-def test_doctor_names_one_command_for_all(installed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_doctor_names_one_command_for_all_missing_packages(
+    installed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     def version(name: str) -> str:
         if name == "mujoco":
             return "3.3.0"

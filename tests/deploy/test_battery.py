@@ -103,7 +103,7 @@ def test_motors_that_report_no_current_are_counted_by_torque_and_speed(go1: Robo
 
 
 def test_a_low_battery_slows_the_robot_weakens_its_motors_and_lays_it_down(go1: Robot) -> None:
-    """A pack of a few hundred joules: 1.2 s from low to empty."""
+    """The pack has a few hundred joules, and takes 1.2 s from low to empty."""
     battery = Battery(8, 0.25, 0.1, idle_w=60.0)
     robot = with_motors(go1, battery=battery, **MAKERS["ODrive"])
     result: list[tuple[float, float, float]] = []

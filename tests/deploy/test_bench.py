@@ -175,7 +175,7 @@ class TestScan:
         stand.scan()
         assert set(sent) == set(range(0x01, 0x20))
 
-    def test_enabled_motors_are_disabled_and_absent_ones_not_found(self, go1: Robot) -> None:
+    def test_enabled_motors_are_disabled_and_absent_motors_are_not_found(self, go1: Robot) -> None:
         stand = OnStand(go1)
         stand.bench().enable()
         assert stand.body.motors_on.all()

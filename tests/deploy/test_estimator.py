@@ -179,7 +179,7 @@ class TestPose:
     @settings(max_examples=10, deadline=None)
     @given(st.floats(-3.1, 3.1), st.integers(0, 1000))
     def test_the_imus_north_has_no_effect(self, north: float, seed: int) -> None:
-        """The same readings with another yaw throughout: the same motion, the same odometry."""
+        """The same readings with another constant yaw give the same motion and the same odometry."""
         rng = np.random.default_rng(seed)
         ours, turned = BaseEstimator(ROBOT), BaseEstimator(ROBOT)
         rest = DirectPlant(ROBOT).sensed()

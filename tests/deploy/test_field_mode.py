@@ -11,7 +11,7 @@ STILL = np.zeros(3)
 
 
 @pytest.mark.parametrize("mode", Mode)
-def test_every_mode_of_the_supervisor_is_one_of_the_operators(mode: Mode) -> None:
+def test_every_mode_of_the_supervisor_has_a_mode_for_operators(mode: Mode) -> None:
     person, program = (field_mode(mode, False, autonomous) for autonomous in (False, True))
     if mode is Mode.WALKING:
         assert (person, program) == (FieldMode.TELEOPERATION, FieldMode.AUTONOMOUS)

@@ -78,7 +78,7 @@ class TestFilter:
         np.testing.assert_allclose(matrix(motion), (np.eye(3) - gain @ measures) @ covariance, rtol=1e-7)
 
     def test_the_accelerometers_bias_is_in_body_axes(self) -> None:
-        """The legs' correction in the body's axes, for any orientation: R' e, by scipy."""
+        """The legs' correction in the body's axes is R' e for any orientation, by scipy."""
         for seed, turn in enumerate(Rotation.random(4, random_state=1)):
             motion, error = coupled(seed=seed), np.array([0.1, -0.2, 0.3])
             bias, seen = np.array(motion.bias), np.array(motion.velocity) + error
@@ -100,7 +100,7 @@ class TestFilter:
             assert np.linalg.eigvalsh(cov / np.sqrt(np.outer(np.diag(cov), np.diag(cov)))).min() > -1e-9
 
     def test_the_weight_of_an_outlier(self) -> None:
-        """Student's weight by hand: misfit d = e'e / (3 (P + R)), noise R (1 + d / freedom)."""
+        """The weight is Student's: misfit d = e'e / (3 (P + R)), noise R (1 + d / freedom)."""
         motion = MotionFilter(FilterConfig(push_m_s=1e6))
         motion.vv, noise = 4e-4, 9e-4
         motion.correct([[0.3, 0.0, 0.0]], [1.0], LEVEL, 0.002)
@@ -124,7 +124,10 @@ class TestFilter:
 
     @pytest.mark.parametrize("axis", [0, 1, 2])
     def test_a_push_makes_the_velocity_uncertain(self, axis: int) -> None:
-        """In 2 ms of 10: a fifth of the legs' velocity, then a fifth of the rest; a third of squares."""
+        """Each 2 ms of 10 take a fifth of the legs' velocity, then a fifth of the rest.
+
+        The squares take a third.
+        """
         motion, seen = MotionFilter(FilterConfig(push_m_s=0.3, push_filter_s=0.01)), np.zeros(3)
         seen[axis], motion.vv = -2.0, 0.0
         motion._look_for_push(seen.tolist(), 0.9, 0.002)

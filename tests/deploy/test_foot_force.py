@@ -55,7 +55,7 @@ class TestFrames:
     @pytest.mark.parametrize(
         "other", [frame(0x310, "04 d2 00 01", channel=1), frame(0x310, "04 d2 00", channel=0)]
     )
-    def test_short_frames_and_those_of_another_bus_are_ignored(self, other: Frames) -> None:
+    def test_short_frames_and_frames_of_another_bus_are_ignored(self, other: Frames) -> None:
         reader = FootForceReader(np.array([0, 1]))
         reader.absorb(other, 0)
         assert np.isnan(reader.force(0)).all()

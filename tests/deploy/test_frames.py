@@ -10,7 +10,7 @@ from footfall.deploy.frames import frame_bits
 class TestFrameBits:
     @pytest.mark.parametrize("length", [0, 3, 8])
     def test_a_frame_counts_the_largest_number_of_stuff_bits(self, length: int) -> None:
-        """Shorthand of ISO 11898: 47 + 8 n + floor((34 + 8 n - 1) / 4), and 67 and 54 with 29 bits."""
+        """The formula of ISO 11898 is 47 + 8 n + floor((34 + 8 n - 1) / 4), with 67 and 54 for 29 bits."""
         assert frame_bits(length) == 47 + 8 * length + math.floor((33 + 8 * length) / 4)
         assert frame_bits(length, True) == 67 + 8 * length + math.floor((53 + 8 * length) / 4)
 

@@ -43,7 +43,7 @@ def test_the_bias_does_not_rotate_with_the_orientation(rate: np.ndarray) -> None
 
 @pytest.mark.parametrize(("seconds", "share"), [(0.1, 0.2), (0.2, 0.5), (0.6, 0.9)])
 def test_the_bias_is_trusted_more_with_time(seconds: float, share: float) -> None:
-    """t^2 / (t^2 + 0.2^2)."""
+    """The weight is t^2 / (t^2 + 0.2^2)."""
     estimator = GyroBias(GyroConfig(bias_half_s=0.2))
     follow(estimator, np.zeros(3), seconds + DT_S)  # the first reading has no predecessor
     assert estimator.bias == pytest.approx((share * BIAS).tolist(), rel=0.02)

@@ -19,7 +19,7 @@ class Source:
         return self.scanned
 
 
-def test_a_scan_counts_until_it_is_too_old_and_a_new_one_counts_again() -> None:
+def test_a_scan_counts_until_it_is_too_old_and_a_new_scan_counts_again() -> None:
     """A scan with a time in the future does not count."""
     source = Source(Scanned(1_000_000, HEIGHTS))
     scans = HeightScans(SCAN, source)

@@ -104,7 +104,7 @@ class TestEveryMaker:
             np.testing.assert_allclose(part, sent, atol=2e-3)
         assert imu.arrived_us == 5000
 
-    def test_repeated_samples_age_and_older_ones_are_ignored(self, go1: Robot, protocol: str) -> None:
+    def test_repeated_samples_age_and_older_samples_are_ignored(self, go1: Robot, protocol: str) -> None:
         wiring = wiring_of(with_imu(go1, protocol))
         imu, end = open_imu(wiring), open_imu_end(wiring)
         first, second = end.encode(TILTED), end.encode(TILTED._replace(gyro=(0.0, 0.0, 0.0)))
@@ -122,7 +122,7 @@ class TestEveryMaker:
 
 @pytest.mark.parametrize(("driver", "encode"), [(XbusImu, xbus.encode), (VectorNavImu, vectornav.encode)])
 class TestOnASerialLine:
-    def test_a_damaged_message_is_counted_and_the_next_one_is_read(self, driver: type, encode) -> None:
+    def test_a_damaged_message_is_counted_and_the_next_message_is_read(self, driver: type, encode) -> None:
         imu: SerialImu = driver(0)
         damaged = bytearray(encode(Sample(1, TILTED._replace(gyro=(9.0, 9.0, 9.0)))))
         damaged[30] ^= 4

@@ -75,7 +75,7 @@ class TestFaults:
     def test_after_any_exception_the_robot_is_damped_and_its_motors_disabled(
         self, go1: Robot, monkeypatch: pytest.MonkeyPatch, part: str
     ) -> None:
-        """An exception of the readings, policy, command source, log, joint layer or bus."""
+        """The exception comes from the readings, policy, command source, log, joint layer or bus."""
         broken: list[str] = []
 
         def failing(name: str, works: Any) -> Any:

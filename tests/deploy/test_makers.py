@@ -142,7 +142,7 @@ MIXTURES = "AK70-10 AK80-9|DM4310 DM8009|RS00 RS03|ODrive ODrive|AK80-9 RS03|ODr
 
 @pytest.mark.parametrize("models", MIXTURES.split("|"))
 def test_random_frames_raise_nothing_and_readings_stay_in_range(models: str) -> None:
-    """20,000 frames with identifiers of every kind on both buses, some of the right length."""
+    """The test sends 20,000 frames with identifiers of every kind on both buses, some of the right length."""
     wiring = two_motors(*models.split())
     driver, end = open_driver(wiring), open_motor_end(wiring)
     rng, count = np.random.default_rng(1), 100

@@ -35,7 +35,7 @@ class TestDrift:
         np.testing.assert_allclose(found, 0.0004 * np.outer(moved, moved), atol=1e-15)
 
     def test_slips_add_up_with_the_walked_distance(self) -> None:
-        """1.5 m there and 1.5 m back: three metres."""
+        """The robot walks 1.5 m ahead and 1.5 m back: three metres."""
         drift = Drift(OdometryConfig(**{**vars(NO_DRIFT), "slip": 0.02, "climb_error": 0.1}))
         for speed in (0.5, -0.5):
             for _ in range(300):

@@ -121,7 +121,7 @@ class TestPythonCanBus:
         assert bus.receive(0) == []
 
     def test_identifiers_keep_their_length_and_pass_their_filters(self, can: FakeCan) -> None:
-        """Of 29 bits and of 11."""
+        """Identifiers have 29 or 11 bits."""
         accepted = (
             {"can_id": 0x0200_0000, "can_mask": 0x1F00_0000, "extended": True},
             {"can_id": 0x100, "can_mask": 0x780, "extended": False},

@@ -13,7 +13,7 @@ RULES = rules()
 PAGE = (Path(__file__).parents[2] / "docs/safety.md").read_text(encoding="utf-8")
 
 
-def test_the_table_in_the_documentation_is_the_one_in_code() -> None:
+def test_the_table_in_the_documentation_equals_the_table_in_code() -> None:
     shown = PAGE.partition("<!-- rules -->\n")[2].partition("<!-- /rules -->")[0].strip()
     assert shown == table(), "python -m footfall.deploy.rules prints it anew"
 

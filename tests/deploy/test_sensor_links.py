@@ -100,7 +100,7 @@ class TestImu:
         frozen = lambda number: reading(number if number % 10 < 5 else number // 10 * 10 + 5)  # noqa: E731
         assert windows_until(links.ImuFrozen, lambda: link.window(imu=frozen)) is not None
 
-    def test_samples_out_of_order_are_noticed_and_a_single_one_is_not(self, go1: Robot) -> None:
+    def test_samples_out_of_order_are_noticed_and_a_single_sample_is_not(self, go1: Robot) -> None:
         link = Link(go1, links.ImuOlder)
         assert link.window(older=1) <= limit(links.ImuOlder)
         assert windows_until(links.ImuOlder, lambda: link.window(older=10)) is not None

@@ -208,7 +208,7 @@ def has_vcan() -> bool:
 
 @pytest.mark.skipif(not has_vcan(), reason="there is no interface can0, as by: ip link add can0 type vcan")
 class TestKernel:
-    def test_frames_cross_and_the_kernel_keeps_foreign_ones_back(self) -> None:
+    def test_frames_reach_the_host_and_the_kernel_drops_foreign_frames(self) -> None:
         host, robot = SocketCanBus(("can0",), FILTERS), SocketCanBus(("can0",), FILTERS)
         robot.send(batch((0, 0x101, b"plain"), (0, 0x181, b"foreign"), (0, EXTENDED | 0x101, b"foreign"),
                          (0, EXTENDED | 0x0200_0001, b"extended"), (0, 0x17F, b"")), 0)  # fmt: skip

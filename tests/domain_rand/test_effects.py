@@ -40,7 +40,7 @@ def build(go1: Robot) -> Build:
 class TestBody:
     @pytest.mark.parametrize("lying", ['pos="0 0 0"', 'pos=".1 0 0" euler="0 0 30"'])
     def test_a_centre_of_mass_moves_alone_wherever_it_was(self, lying: str) -> None:
-        """MuJoCo's compiler marks a body whose inertia, geoms and sites coincide, as here."""
+        """MuJoCo's compiler marks a body whose inertia, geoms and sites coincide, as in this model."""
         model = mujoco.MjModel.from_xml_string(
             f"""<mujoco><worldbody><body name="base"><freejoint/>
             <inertial {lying} mass="1" diaginertia=".3 .2 .15"/>
@@ -122,7 +122,7 @@ class TestEveryField:
         np.testing.assert_array_equal(model.body_mass, nominal.body_mass)  # the arguments are not changed
 
     def test_a_joint_is_changed_at_its_own_degree_of_freedom(self) -> None:
-        """Joints in another order than the model's degrees of freedom."""
+        """The joints have another order than the model's degrees of freedom."""
         where = BodyMap(base=1, contact_geoms=(), dofs=(4, 2, 7))
         effect = scales_joints("dof_armature")
         changed = effect.change(np.arange(1.0, 9.0), np.array([10.0, 100.0, 1000.0]), where)

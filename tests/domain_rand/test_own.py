@@ -76,7 +76,7 @@ def test_the_scenario_draws_from_its_ranges_with_the_same_random_numbers(
     assert sample["payload_kg"] == pytest.approx(low + (high - low) * numbers[14])
 
 
-def test_presets_take_its_ranges_for_quantities_that_they_randomise(own_folder: Path) -> None:
+def test_presets_take_the_robots_ranges_for_quantities_that_they_randomise(own_folder: Path) -> None:
     robot = own_robot(own_folder, OWN)
     trained, shipped = load_preset("cpu", robot).env.randomisation, load_preset("cpu").env.randomisation
     assert trained == replace(shipped, payload_kg=Distribution(-0.1, 0.3))

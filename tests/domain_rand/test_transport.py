@@ -40,7 +40,7 @@ def drawn(sample: Sample, seed: int, time_s: float = 0.0) -> tuple[np.ndarray, n
     return tuple(np.zeros(0) if each is None else np.asarray(each) for each in (goals, readings))  # type: ignore[return-value]
 
 
-def test_a_frame_of_training_takes_as_long_as_one_of_the_loop() -> None:
+def test_a_frame_takes_as_long_in_training_as_in_the_loop() -> None:
     assert DeployConfig().tick_us * 1e-6 == FRAME_PERIOD_S
 
 

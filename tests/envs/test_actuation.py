@@ -81,7 +81,7 @@ class TestActuation:
             LocomotionEnv(ROBOT, beyond)
 
 
-def test_the_joint_law_of_a_physics_step_is_the_motors_on_their_own_encoders() -> None:
+def test_the_joint_law_of_a_physics_step_reads_the_motors_own_encoders() -> None:
     """The added inertia is half a step times the torque's slope in the velocity, here by differences."""
     rng = np.random.default_rng(6)
     motor = jax.tree.map(lambda part: part * rng.uniform(0.5, 1.5, N), ROBOT.motor)

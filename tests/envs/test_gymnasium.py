@@ -116,7 +116,7 @@ class TestMany:
 
         assert data_equivalence(rollout(), rollout(), exact=True)
 
-    def test_each_environment_of_a_vector_equals_the_single_one_with_its_seed(
+    def test_each_environment_of_a_vector_equals_the_single_environment_with_its_seed(
         self, many: GymnasiumVectorEnv, one: GymnasiumEnv
     ) -> None:
         observations, _ = many.reset(seed=10)

@@ -90,7 +90,7 @@ def test_a_control_step_in_c_equals_mjx(begun: State, step) -> None:
 
 @IN_C
 def test_a_control_step_in_c_equals_plain_mujoco(begun: State) -> None:
-    """Each robot in a model and data of its own, with the motors' law at each physics step."""
+    """Each robot has its own model and data, with the motors' law at each physics step."""
     motion, drive, fields = arguments(begun)
     end, _ = jax.vmap(c_physics(training_model(ROBOT, SMOKE.timestep_s), ROBOT))(motion, drive, fields)
     positions, dofs = joint_addresses(training_model(ROBOT), ROBOT)

@@ -42,7 +42,7 @@ def test_noise_reaches_the_readings_that_a_policy_acts_on() -> None:
     assert not np.array_equal(targets(noisy), targets(other_seed))
 
 
-def test_an_episode_does_not_depend_on_the_one_before_it_in_the_same_process() -> None:
+def test_an_episode_does_not_depend_on_the_previous_episode_of_its_process() -> None:
     first = run("go1-flat")
     run("go1-flat", schedule=CommandSchedule((0.0,), ((-0.5, 0.3, 0.8),)))
     assert np.array_equal(targets(first), targets(run("go1-flat")))

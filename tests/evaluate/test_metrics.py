@@ -35,7 +35,7 @@ def test_sway_within_a_stride_does_not_count_as_distance(go1: Robot) -> None:
 
 
 def test_each_score_is_computed_from_its_own_signal(go1: Robot) -> None:
-    """A trace with different numbers in all fields, against plain sums."""
+    """The scores of a trace with different numbers in all fields equal plain sums."""
     rng = np.random.default_rng(3)
     count, rate_hz = 700, 50.0
     draws: dict[str, Any] = {

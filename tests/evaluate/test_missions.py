@@ -55,7 +55,7 @@ def test_an_unfinished_mission_has_its_reason(steps: list[Any], duration_s: floa
     assert not outcome.metrics.fell
 
 
-class Over:
+class FinishedMission:
     """A finished mission whose odometry has no error."""
 
     stopped = None
@@ -76,14 +76,14 @@ def turned(trace: Trace, yaw_rad: float) -> Trace:
 
 def test_the_final_error_is_from_ground_truth_in_the_frame_of_the_start() -> None:
     for yaw_rad in (0.0, 2.0):
-        score = score_mission(Over(), turned(walk(2.21), yaw_rad))
+        score = score_mission(FinishedMission(), turned(walk(2.21), yaw_rad))
         assert score.final_error_m == pytest.approx(0.2, abs=1e-6)
         assert (score.done, score.arrived) == (True, False)
-    assert score_mission(Over(), walk(2.06)).arrived
-    assert not score_mission(Over(), replace(walk(2.06), fell=True)).done
+    assert score_mission(FinishedMission(), walk(2.06)).arrived
+    assert not score_mission(FinishedMission(), replace(walk(2.06), fell=True)).done
 
 
-def test_figures_count_missions_and_errors_are_of_complete_ones() -> None:
+def test_figures_count_missions_and_errors_are_of_complete_missions() -> None:
     scores = [MissionScore(True, "", 10.0, 0.02), MissionScore(True, "", 20.0, 0.3)]
     figures = mission_figures([*scores, MissionScore(False, "it is blocked", 40.0, 2.0)])
     assert (figures["missions_done"], figures["missions_arrived"]) == (2, 1)

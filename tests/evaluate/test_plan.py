@@ -170,7 +170,7 @@ class TestPlans:
             assert plan.pushes[0].delta_v_m_s == pytest.approx((plan.levels["push_m_s"], 0.0, 0.0))
         assert plan_episodes("x", replace(scenario, levels={"friction": (0.5,)}), 0)[0].pushes == ()
 
-    def test_every_combination_of_levels_comes_before_one_repeats(self) -> None:
+    def test_every_combination_of_levels_comes_before_a_combination_repeats(self) -> None:
         levels = {"friction": (0.2, 0.4, 0.6), "payload_kg": (0.0, 1.0), "forward_m_s": (0.3, 0.5)}
         chosen = spread_levels(levels, 24, np.random.default_rng(1))
         assert [list(each) for each in chosen] == [list(levels)] * 24

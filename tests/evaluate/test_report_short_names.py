@@ -10,7 +10,7 @@ def test_a_short_name_stays_unchanged() -> None:
     assert short_names(names) == {name: name for name in names}
 
 
-def test_a_longer_one_keeps_its_beginning_and_its_end() -> None:
+def test_a_longer_name_keeps_its_beginning_and_its_end() -> None:
     (short,) = short_names([LONG]).values()
     assert len(short) == MAX_CHARS
     assert short == f"{LONG[:12]}…{LONG[-19:]}"

@@ -106,7 +106,7 @@ class TestEndings:
         assert closed == ["pool"]
         assert signal.getsignal(signal.SIGTERM) is before
 
-    def test_an_unknown_option_differs_from_a_misspelt_one(self, shell: Shell) -> None:
+    def test_an_unknown_option_differs_from_a_misspelt_option(self, shell: Shell) -> None:
         assert "--seed" in shell.refuses("train", "--sed", "3")
         assert "--episodes" in shell.refuses("evaluate", "stand", "--epsiodes=3")
         assert "--set KEY=VALUE" in shell.refuses("train", "--terrain", "rough")

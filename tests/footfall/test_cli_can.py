@@ -135,7 +135,7 @@ class TestVirtual:
             (["enable", "--yes"], lambda motors: motors.error, 2),
         ],
     )
-    def test_a_silent_motor_or_one_with_an_error_is_named_with_status_1(
+    def test_a_silent_motor_or_a_motor_with_an_error_is_named_with_status_1(
         self, shell: Shell, faulty: Faulty, verb: list[str], fault: Any, code: int
     ) -> None:
         faulty(fault, code)

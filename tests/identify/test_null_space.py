@@ -26,7 +26,7 @@ def test_noise_and_too_few_rows_leave_directions_undetermined() -> None:
 
 
 def test_a_profile_shows_how_other_parameters_compensate_for_one() -> None:
-    """Misfit of a + d = 3 with d held: all values of d fit equally well.
+    """The misfit is that of a + d = 3 with d held, so all values of d fit equally well.
 
     A second equation 0.1 d = 0.1 bounds d.
     """

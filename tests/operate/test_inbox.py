@@ -40,7 +40,7 @@ def test_the_longest_silence_between_two_goals_can_be_set(inbox: Inbox, watch: W
     assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
 
 
-def test_newest_values_replace_only_their_own(inbox: Inbox) -> None:
+def test_a_new_value_replaces_only_the_previous_value_of_its_kind(inbox: Inbox) -> None:
     assert inbox.put("page", velocity=[0.1, 0, 0], settings={"step_height_m": 0.03}) == ""
     assert inbox.put("page", velocity=(0.5, 0.1, -0.2), policy="stand") == ""
     assert inbox.put("page", gait="pace") == ""

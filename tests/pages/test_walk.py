@@ -159,7 +159,7 @@ class TestWalk:
         assert len(visitor.texts) < visitor.frames / 20  # the walk checks once a second
         assert visitor.now_s == pytest.approx(1000.0 + 0.033 * visitor.frames, abs=0.2)
 
-    def test_newer_policies_replace_the_walking_one(
+    def test_newer_policies_replace_the_walking_policy(
         self, visitor: Visitor, finished: Path, go1: Robot, tmp_path: Path, own_folder: Path
     ) -> None:
         """A policy with another contract changes nothing except the message."""

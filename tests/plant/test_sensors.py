@@ -59,7 +59,7 @@ class MoreNoise(Noise):
 
 
 @dataclass(frozen=True)
-class More(Randomisation):
+class MoreQuantities(Randomisation):
     """Additional biases and delays."""
 
     velocity_bias: Distribution | None = quantity(kinds.JOINTS, OFFSET, bias_of="joint_velocity")
@@ -72,8 +72,8 @@ MORE_READINGS = {
     **READINGS,
     "joint_torque": MoreNoise.__dataclass_fields__["joint_torque"].metadata["declares"],
 }
-CONFIG = replace(load_preset("smoke").env, noise=MoreNoise(), randomisation=More())
-MORE_QUANTITIES = declared_quantities(More)
+CONFIG = replace(load_preset("smoke").env, noise=MoreNoise(), randomisation=MoreQuantities())
+MORE_QUANTITIES = declared_quantities(MoreQuantities)
 BIASES = [name for name, each in MORE_QUANTITIES.items() if each.bias_of is not None]
 DELAYS = {
     of: [name for name, each in MORE_QUANTITIES.items() if getattr(each, of) and name.endswith("delay_s")]
@@ -247,7 +247,7 @@ class TestRefusals:
             rows_in_log(go1, tmp_path / "noisy.mcap", MoreNoise(joint_torque=0.1))
 
 
-class Past:
+class PastReadings:
     """Sensors of two joints, listed in reverse, over a state that differs at each step."""
 
     def __init__(
@@ -278,7 +278,7 @@ class Past:
 class TestSensors:
     @pytest.mark.parametrize(("delay_s", "steps"), [(0.0, 0), (0.002, 2), (0.0026, 3)])
     def test_delayed_sensors_show_an_earlier_state(self, delay_s: float, steps: int) -> None:
-        past = Past(observation_delay_s=delay_s)
+        past = PastReadings(observation_delay_s=delay_s)
         for now in range(12):
             past.step(now)
             k = max(0, now - steps)
@@ -293,7 +293,7 @@ class TestSensors:
 
     def test_mean_velocities_add_up_to_the_positions(self) -> None:
         """An engine's velocities may alternate from step to step; readings have every second step."""
-        past, travel = Past(mean_velocity=True), np.zeros(2)
+        past, travel = PastReadings(mean_velocity=True), np.zeros(2)
         for k in range(100):
             past.data.qvel[7:9] = (3.0, -3.0) if k % 2 else (-1.0, 2.0)
             past.data.qpos[8:10] += 0.001 * past.data.qvel[7:9]
@@ -304,7 +304,7 @@ class TestSensors:
 
     def test_the_accelerometer_has_its_bias_and_noise_and_the_rest_of_the_imu_has_none(self) -> None:
         bias = np.array([0.3, -0.2, 0.1])
-        past = Past(accelerometer_bias_m_s2=bias, accelerometer_noise_m_s2=np.array(0.5))
+        past = PastReadings(accelerometer_bias_m_s2=bias, accelerometer_noise_m_s2=np.array(0.5))
         past.step(1)
         readings = [past.sensors.inertial() for _ in range(400)]
         errors = np.array([each.acceleration for each in readings]) - [1, 5, 7] - bias
@@ -330,7 +330,7 @@ class TestSensors:
 
     def test_noise_has_its_half_width_and_differs_for_each_reading(self) -> None:
         widths = MoreNoise(gyro=0.4, gravity=0.01, joint_position=0.02, joint_velocity=3.0)
-        past, again, other = Past(widths), Past(widths), Past(widths, seed=4)
+        past, again, other = PastReadings(widths), PastReadings(widths), PastReadings(widths, seed=4)
         for each in (past, again, other):
             each.step(0)
         joints = np.array([past.sensors.joints(np.zeros(2)) for _ in range(600)])

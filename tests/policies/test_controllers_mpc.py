@@ -45,7 +45,7 @@ def forces(command: JointCommand) -> np.ndarray:
 
 
 def yaw_moment(force: np.ndarray) -> float:
-    """About the vertical through the base, N m."""
+    """Moment of the forces about the vertical through the base, N m."""
     feet = LEGS.default_foot
     return float((feet[:, 0] * force[:, 1] - feet[:, 1] * force[:, 0]).sum())
 
@@ -63,7 +63,7 @@ class Planned(NamedTuple):
 
 
 @pytest.mark.parametrize(("begun", "now"), [(2.0, 2.1), (3.1, 3.2 - 2 * np.pi)])
-def test_turned_to_the_left_it_pushes_back_to_the_right(begun: float, now: float) -> None:
+def test_a_base_turned_to_the_left_is_pushed_back_to_the_right(begun: float, now: float) -> None:
     """The direction is right even at the heading where angles jump from pi to -pi."""
     policy = Mpc(ROBOT)
     policy.reset(standing(begun))
@@ -149,7 +149,7 @@ class TestPlan:
 
 
 class TestLegs:
-    """`LegControl` with a diagonal down, in the default pose."""
+    """`LegControl` in the default pose, with two diagonal feet on the ground."""
 
     FORCE = np.array([[3.0, -5.0, 60.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-8.0, 2.0, 40.0]])
 
@@ -162,7 +162,7 @@ class TestLegs:
         return legs.command(ROBOT.default_pose, pose, self.FORCE, STILL, STILL, UP, [1, 2], swing)
 
     def test_torques_hold_the_forces_at_the_points_of_contact(self) -> None:
-        """Compared with MuJoCo's Jacobian of the lowest point of each foot: torque = -J' f."""
+        """The torque is -J' f, with MuJoCo's Jacobian of the lowest point of each foot."""
         model = load_spec(ROBOT.xml_path).compile()
         data = mujoco.MjData(model)
         data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
@@ -186,7 +186,7 @@ class TestLegs:
         assert np.any(np.abs(speed) == most)
 
     def test_a_swinging_leg_is_given_the_torque_that_its_inertia_needs(self) -> None:
-        """M times the joint acceleration that moves the foot as desired."""
+        """The torque is M times the joint acceleration that moves the foot as desired."""
         acceleration = np.array([5.0, 0.0, 8.0])
         torque = LEGS.gather(self.command(swing_acceleration=acceleration).torque)[1]
         joint = np.linalg.solve(LEGS.pose(ROBOT.default_pose).jacobian[1], acceleration)

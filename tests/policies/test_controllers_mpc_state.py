@@ -144,7 +144,7 @@ class TestMpc:
             np.testing.assert_allclose(rate, [0, 0, 0.8, *velocity], atol=1e-9)
 
     def test_the_path_loses_its_surplus_speed(self, mpc: Mpc) -> None:
-        """Against an integration of v = desired + (now - desired) exp(-t / 0.2 s), at the steps' middles."""
+        """The path is the integral of v = desired + (now - desired) exp(-t / 0.2 s), in mid-step."""
         steps = CONFIG.horizon.steps
         state = BodyState(np.array([0, 0, 0, 0.1, -0.2, 0.25]), np.array([0, 0, 0, 0.9, -0.5, 0.4]))
         desired = np.array([0.3, 0.2, 0.0])

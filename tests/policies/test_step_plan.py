@@ -75,7 +75,7 @@ class TestNextStep:
         end = self.nominal.foothold + self.nominal.offset
         return end * math.exp(-RATE * (STEP_S - elapsed_s))
 
-    def test_an_undisturbed_step_is_the_nominal_one(self) -> None:
+    def test_an_undisturbed_step_is_the_nominal_step(self) -> None:
         step = self.decide(self.steady(0.2), pressure=(0.0, 0.0))
         np.testing.assert_allclose(step.foothold, self.nominal.foothold, atol=1e-6)
         assert step.remaining_s == pytest.approx(STEP_S - 0.2, abs=1e-6)

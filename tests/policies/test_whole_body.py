@@ -122,7 +122,7 @@ class TestDynamics:
 
     @pytest.mark.parametrize("name", ROBOTS)
     def test_points_accelerate_by_jacobian_and_drift(self, name: str) -> None:
-        """Compared with differences of the positions of the same points of the links, in the world."""
+        """The accelerations equal differences of the points' positions in the world."""
         robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 5)
         dynamics = BODIES[name].update(motion)
         model, data, order = moved(robot, motion)
@@ -202,7 +202,7 @@ class TestStanding:
 
     @pytest.mark.parametrize("name", ROBOTS)
     def test_torques_balance_the_forces_and_the_legs_own_weight(self, name: str) -> None:
-        """Inverse dynamics with the same accelerations and forces at the same points."""
+        """The torques equal inverse dynamics with the same accelerations and forces at the same points."""
         robot, body = ROBOTS[name], BODIES[name]
         dynamics = standing(body, robot)
         force, acceleration, torque = solved(

@@ -48,7 +48,7 @@ ACTING = (
     *("common", "robots", "domain_rand", "terrain", "policies", "deploy", "operate", "plant", "evaluate"),
     "identify",
 )
-# Modules of policies that the learning wing may import. `learned` runs an exported file to check it.
+# Modules of policies that training may import. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {
     "footfall.policies.contract",
     "footfall.policies.observation",
@@ -57,8 +57,9 @@ POLICIES_FOR_LEARNING = {
     "footfall.policies.gaits",
     "footfall.policies.learned",
 }
-# The robot's ROS Python runs one, the extra `ros2` the other.
-OTHER_WORLDS = (
+# Modules that need packages which footfall does not install: rclpy of a ROS installation, or an optional
+# engine.
+OPTIONAL = (
     *("footfall.operate.ros2.rclpy_bridge", "footfall.operate.ros2.cyclone_bridge"),
     *("footfall.plant.engines.drake_engine", "footfall.plant.engines.drake_model"),
     "footfall.plant.engines.motrix_engine",
@@ -146,7 +147,7 @@ def test_learning_imports_only_the_contract_of_policies(package: str) -> None:
 def importable(*packages: str) -> list[str]:
     """Names of the modules of packages, except those that run when they are imported."""
     names = [name for package in packages for name, _ in modules(package)]
-    return [name for name in names if not name.endswith("__main__") and not belongs_to(name, OTHER_WORLDS)]
+    return [name for name in names if not name.endswith("__main__") and not belongs_to(name, OPTIONAL)]
 
 
 def without_report(names: list[str]) -> list[str]:

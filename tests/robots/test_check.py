@@ -140,7 +140,7 @@ class TestCommand:
     def test_gains_that_are_too_high_are_reported(
         self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]
     ) -> None:
-        """For a reflected inertia of 0.3 kg m^2 at 5 Hz: kd = 2 * 0.3 * 2 pi * 5 = 18.8 N m s/rad."""
+        """A reflected inertia of 0.3 kg m^2 at 5 Hz has kd = 2 * 0.3 * 2 pi * 5 = 18.8 N m s/rad."""
         changed("robot.xml", r'armature="[\d.]+"', 'armature="0.3"')
         folder = changed("robot.yaml", r"natural_frequency_hz: [\d.]+", "natural_frequency_hz: 5")
         assert "joint FL_roll: kd is 18.8, above the" in wrong(folder, capsys)

@@ -47,7 +47,7 @@ def test_a_position_gives_the_angles_that_reach_it(
 def test_the_knee_bends_as_in_the_default_pose_counted_from_links_in_a_line(knee: float) -> None:
     """The links are in a line at -0.357 rad.
 
-    Directions (0.02, -0.2) and (-0.05, -0.19), atan(0.1) + atan(5/19).
+    Their directions are (0.02, -0.2) and (-0.05, -0.19); the angle is atan(0.1) + atan(5/19).
     """
     for sign in (1.0, -1.0):  # hinges with the opposite sign
         chain = limb(sign * knee)

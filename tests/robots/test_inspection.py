@@ -62,7 +62,10 @@ def test_the_margin_is_to_the_edge_of_all_corners(looked: Inspection) -> None:
 
 
 def test_the_reach_is_of_the_soles_middle_over_the_joints_whole_range(looked: Inspection) -> None:
-    """A thigh of 0.2 m, then 0.215 m down and 0.03 m ahead; knees bend by 1.6 rad either way."""
+    """The thigh is 0.2 m long, the sole's middle 0.215 m below and 0.03 m ahead.
+
+    Knees bend by 1.6 rad in both directions.
+    """
     shank, slant = np.hypot(0.03, 0.215), np.arctan2(0.03, 0.215)
     near, far = looked.feet[0].reach_m
     assert far == pytest.approx(0.2 + shank, abs=1e-3)

@@ -55,7 +55,7 @@ class TestLoad:
     @pytest.mark.parametrize("name", ["go1", "g1", "hexapod"])
     @pytest.mark.parametrize("acceleration", [(0.0, 0.0, 9.81), (3.0, -2.0, 12.0)])
     def test_holding_torque_is_a_slope(self, name: str, acceleration: tuple[float, float, float]) -> None:
-        """Energy: mass times the centre of mass along the proper acceleration, the base at rest."""
+        """The energy is the mass times the centre of mass along the proper acceleration; the base rests."""
         robot, proper_acceleration = load_robot(name), np.array(acceleration)
         legs, model = robot.legs, load_spec(robot.xml_path).compile()
         data = mujoco.MjData(model)
@@ -78,7 +78,7 @@ class TestLoad:
         )
 
     def test_rotations_and_torques_are_of_the_given_pose_despite_caches(self) -> None:
-        """After any computation in between, also inverse kinematics through MuJoCo."""
+        """The results hold after other computations, such as inverse kinematics through MuJoCo."""
         robot = load_robot("g1")
         legs, down = robot.legs, np.array([0.0, 0.0, 9.81])
         pose = robot.default_pose + 0.1

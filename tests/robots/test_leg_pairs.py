@@ -77,7 +77,7 @@ def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], nam
 
 
 def test_pairs_stay_on_the_plant_if_legs_collide_only_through_them(own_folder: Path) -> None:
-    """A robot whose shanks and feet touch through pairs alone."""
+    """The robot's shanks and feet touch only through pairs."""
     xml = own_folder / "robot.xml"
     text = xml.read_text().replace('size="0.012"', 'size="0.012" contype="0" conaffinity="0"')
     xml.write_text(

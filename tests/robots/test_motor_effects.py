@@ -87,7 +87,7 @@ def at(angle: float, speed: float, command: JointCommand, motor: Motor) -> float
 
 
 def test_backlash_and_compliance_are_in_equilibrium_with_the_control_loop() -> None:
-    """Position of the rotor for which `kp (e - x) + ff = k dead_zone(x)`, found by bisection."""
+    """The position of the rotor solves `kp (e - x) + ff = k dead_zone(x)`, by bisection."""
     stiffness, half, kp, feed = 400.0, 0.01, 60.0, 0.3
     motor = ONE_MOTOR._replace(backlash=np.array([2 * half]), compliance=np.array([1 / stiffness]))
     for error in (-0.1, -0.02, -0.012, 0.0, 0.004, 0.011, 0.2):

@@ -153,7 +153,7 @@ class TestBehindTheBus:
 
 
 def test_training_and_bus_have_the_same_thermal_model(heated: Robot) -> None:
-    """Over a second of changing torque, in control steps there and physics steps behind the bus."""
+    """The torque changes for a second, in control steps of training and in physics steps behind the bus."""
     env = LocomotionEnv(heated, CONFIG)
     torque = 10.0 * np.random.default_rng(0).random((50, 10, N))
     sample = {"winding_rise_k": np.full(N, 40.0)}

@@ -51,7 +51,7 @@ def test_two_processes_train_one_run_that_one_process_continues(
     assert checkpoint.latest(folder / "checkpoints") == folder / "checkpoints" / "00000006.ckpt"
 
 
-def test_each_resumes_from_the_checkpoint_of_the_first_one_or_not_at_all(
+def test_each_process_resumes_from_the_first_processs_checkpoint_or_not_at_all(
     whole_run: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened = api.open_run(whole_run)

@@ -79,7 +79,7 @@ def test_the_loop_logs_each_iteration_and_saves_the_last(run: Run) -> None:
     assert [line["step"] for line in logged(run)] == [STEPS * k for k in range(1, ITERATIONS + 1)]
 
 
-def test_an_iteration_is_logged_no_later_than_while_the_next_one_is_computed(run: Run) -> None:
+def test_an_iteration_is_logged_at_the_latest_during_the_next_iteration(run: Run) -> None:
     lines = []
     learn(run, FakeTrainer(run, lambda _: lines.append(len(logged(run)))), quiet())
     assert all(iteration - 2 <= count < iteration for iteration, count in enumerate(lines, 1))
@@ -115,7 +115,9 @@ def test_a_signal_ends_a_training_after_the_iteration_with_a_checkpoint(
     assert len(logged(run)) == sum(call.startswith("iterate") for call in calls)
 
 
-def test_other_processes_stop_and_save_with_the_main_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_processes_stop_and_save_with_the_main_process(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(cluster, "is_main_process", lambda: False)
     decisions = iter([(0, 0), (0, 1), (1, 0), (0,)])  # stop, checkpoint due; at last: it is not saved
     monkeypatch.setattr(cluster, "broadcast", lambda *_: next(decisions))

@@ -97,7 +97,7 @@ class TestFeet:
 
     @pytest.mark.parametrize("way", [0.0, np.pi])
     def test_a_rod_is_shortened_by_the_sphere_at_its_end(self, way: float) -> None:
-        """Radius 0.03, from 0.03 m above to 0.23 m below the joint, along its axis or against it."""
+        """A rod of radius 0.03 m extends from 0.03 m above the joint to 0.23 m below, in either direction."""
         rod = geom("rod", Kind.mjGEOM_CAPSULE, [0.03, 0.1], [0.0, 0.0, -0.1], turn=turned(way, 0.0, 0.0))
         feet, others = foot_of(rod)
         assert (feet[0].shape.kind, feet[0].shape.size[0]) == (Kind.mjGEOM_SPHERE, 0.03)

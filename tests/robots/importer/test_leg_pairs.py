@@ -107,7 +107,7 @@ def test_no_pair_touches_where_training_starts(tmp_path: Path) -> None:
 
 
 def test_there_are_no_more_pairs_than_capsules(tmp_path: Path) -> None:
-    """Eight legs close to each other on a small base: 28 pairs of legs."""
+    """Eight legs close to each other on a small base make 28 pairs."""
     hips = [
         Hip(f"{side}{k}", 0.14 * (k - 1.5), y) for side, y in (("l", 0.06), ("r", -0.06)) for k in range(4)
     ]

@@ -70,7 +70,7 @@ class TestPose:
         assert data.subtree_com[1][1] - data.xpos[1][1] > 0.02
 
     def test_joints_outside_legs_are_as_near_to_zero_as_possible(self, tmp_path: Path) -> None:
-        """A waist that both legs of a biped hang on."""
+        """Both legs of the biped hang on a waist."""
         pose = self.pose(tmp_path, ODD)
         assert pose.joints["waist"] == pytest.approx(0.2)
 

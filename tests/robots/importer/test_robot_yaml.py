@@ -13,7 +13,7 @@ from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.robot_yaml import choose_protocols, robot_yaml
 
 
-class Carries(NamedTuple):
+class FrameLimits(NamedTuple):
     """Limits of an invented motor's frames."""
 
     torque: float
@@ -23,10 +23,10 @@ class Carries(NamedTuple):
 
 
 class TestRobotYaml:
-    def chosen(self, armature: float = 0.01, **known: Carries) -> tuple[dict[str, str], list[str]]:
-        """The protocol chosen for a motor of 20 N m and 30 rad/s with gains at 8 Hz, critically damped.
+    def chosen(self, armature: float = 0.01, **known: FrameLimits) -> tuple[dict[str, str], list[str]]:
+        """The protocol chosen for a motor of 20 N m and 30 rad/s with gains of 8 Hz, critically damped.
 
-        Kp 25.3, kd 1.005.
+        The gains are kp 25.3 and kd 1.005.
         """
         machine = rod_machine([hinge("a", armature=armature)])
         drive = Drive({"a": JointMotor(20.0, 30.0, 0.2)}, 8.0, 0.3, True, ())
@@ -34,12 +34,17 @@ class TestRobotYaml:
 
     @pytest.mark.parametrize(
         "lacking",
-        [Carries(19.9), Carries(20.0, velocity=29.0), Carries(20.0, kp=25.0), Carries(20.0, kd=1.0)],
+        [
+            FrameLimits(19.9),
+            FrameLimits(20.0, velocity=29.0),
+            FrameLimits(20.0, kp=25.0),
+            FrameLimits(20.0, kd=1.0),
+        ],
     )
-    def test_a_joint_gets_the_weakest_sufficient_motor(self, lacking: Carries) -> None:
-        chosen = self.chosen(a=Carries(90.0), b=lacking, c=Carries(25.0, kp=25.3, kd=1.01))
+    def test_a_joint_gets_the_weakest_sufficient_motor(self, lacking: FrameLimits) -> None:
+        chosen = self.chosen(a=FrameLimits(90.0), b=lacking, c=FrameLimits(25.0, kp=25.3, kd=1.01))
         assert chosen == ({"a": "c"}, [])
-        assert self.chosen(a=lacking, b=Carries(18.0)) == ({"a": "a"}, ["a"])
+        assert self.chosen(a=lacking, b=FrameLimits(18.0)) == ({"a": "a"}, ["a"])
 
     def text(self, legs: int = 2, hinges: int = 9) -> list[str]:
         names = [f"j{k}" for k in range(hinges)]

@@ -31,7 +31,7 @@ class TestStatics:
         )
 
     def test_ankles_must_be_stiffer_than_weight_times_height(self, model: mujoco.MjModel) -> None:
-        """An inverted pendulum: 10 kg * 9.81 m/s2 * 0.5 m = 49.05 N m/rad of both together."""
+        """An inverted pendulum needs 10 kg * 9.81 m/s2 * 0.5 m = 49.05 N m/rad of both ankles together."""
         found = statics(model, ("left", "right"), self.legs(), model.qpos0)
         assert not found.stable(np.array([30.0, 18.0]))
         assert found.stable(np.array([30.0, 20.0]))
