@@ -126,7 +126,7 @@ def stand_in(joints: tuple[str, ...], *feet: str) -> Any:
 
 
 def test_every_kind_of_joint_and_contact_equals_mujocos() -> None:
-    """The model has hinges off a body's origin, a body without hinges, a spring, a slope, spheres, capsules."""
+    """The model has hinges off the origin, a body without hinges, a spring, a slope, spheres, capsules."""
     model, robot = mujoco.MjModel.from_xml_string(EVERY_FEATURE), stand_in(("a", "b", "c"), "sphere")
     assert not [*refusals(model), *contact_refusals(model)]
     given = random_arguments(robot, model, 300, Randomisation())
