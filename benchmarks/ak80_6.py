@@ -186,9 +186,9 @@ def report_parameters(fits: dict[tuple[str, int], np.ndarray]) -> None:
     published, rows = {"length_1": 0.3, **PUBLISHED}, []
     for name, value in derived(fits["fit", 0]).items():
         low, high = interval([each[name] for each in draws])
-        theirs = published.get(name)
-        off = f"{100 * (value / theirs - 1):+.1f} %" if theirs else ""
-        rows.append([name, f"{value:.4g}", f"{low:.4g} to {high:.4g}", f"{theirs or 0:.4g}", off])
+        published_value = published.get(name)
+        off = f"{100 * (value / published_value - 1):+.1f} %" if published_value else ""
+        rows.append([name, f"{value:.4g}", f"{low:.4g} to {high:.4g}", f"{published_value or 0:.4g}", off])
     print(table(["parameter", "fit", "95 % over recordings", "published", "difference"], rows))
 
 

@@ -4,9 +4,9 @@
     python benchmarks/time_to_quality.py score --out quality            # on any machine
     python benchmarks/time_to_quality.py plot --out quality
 
-`train` runs one training of each, one after the other, each in its own process with an empty compilation
-cache, and keeps intermediate policies. The clock of each starts with its command, so it includes imports and
-compilation.
+`train` runs one training of footfall and one of Playground, one after the other, each in its own process with
+an empty compilation cache, and keeps intermediate policies. The clock of each starts with its command, so it
+includes imports and compilation.
 
 `score` lets every kept policy walk in the same MuJoCo plant, over the same joint layer and motor frames, with
 the same commands (scenario `walk`) and pushes (scenario `push`). Playground's policy uses the base's true
@@ -116,11 +116,11 @@ def kept_policies(folder: Path) -> dict[str, tuple[str, float, int]]:
         for entry in json.loads(index.read_text()):
             policy = str(index.parent / entry["file"])
             found[policy] = (index.parent.name, entry["time_s"], entry["steps"])
-    theirs = folder / f"{PLAYGROUND}.npz"
-    if theirs.exists():
-        kept = load_actors(theirs)
+    playground_file = folder / f"{PLAYGROUND}.npz"
+    if playground_file.exists():
+        kept = load_actors(playground_file)
         for snapshot in range(1, len(kept.time_s)):  # the first policy is untrained
-            found[f"{theirs}#{snapshot}"] = (
+            found[f"{playground_file}#{snapshot}"] = (
                 PLAYGROUND,
                 float(kept.time_s[snapshot]),
                 int(kept.steps[snapshot]),

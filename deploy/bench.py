@@ -187,7 +187,7 @@ class Bench:
 
 
 @contextmanager
-def switched_off_afterwards(bench: Bench) -> Iterator[None]:
+def disabled_afterwards(bench: Bench) -> Iterator[None]:
     """Disable a bench's motors at the end of the context in any case; no signal interrupts that."""
 
     def end(*_: object) -> None:

@@ -145,7 +145,7 @@ class Handover:
 
 
 def blended(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
-    """Joint command between two, each (5, n), whose torque is the mean of theirs, weighted by share.
+    """Joint command between two commands, each (5, n), whose torque is the weighted mean of both torques.
 
     Gains and torque are means; a target is the mean weighted by the gains, too. So the torque law kp (q* - q)
     + kd (v* - v) + t is the mean of both laws at any position and velocity.

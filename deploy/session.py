@@ -83,7 +83,7 @@ class SessionResult:
     compute_ms: np.ndarray  # of each policy step; in a very long run, only of the latest
     timing: dict[str, float]  # see deploy.timing.Timing.summary
     buses: tuple[BusStatistics, ...]
-    notes: tuple[str, ...]  # what was changed of the request, or is missing
+    notes: tuple[str, ...]  # changed parts of the request, and missing parts of the log
     recoveries: tuple[Recovered, ...]  # falls from which the robot got up
 
 
@@ -198,7 +198,7 @@ def run_session(
             finally:
                 loop.shut_down()
         wall_s = time.perf_counter() - started
-        at_the_end = [*_unheard(loop), *_damaged(loop)]
+        at_the_end = [*_motors_left_on(loop), *_damaged(loop)]
         missing_parts = "" if log is None else _end(log, runner, loop.now_us, at_the_end)
         return SessionResult(
             final_state=loop.state.mode.value,
@@ -245,11 +245,11 @@ def _end(log: "McapLog", runner: PolicyRunner, now_us: int, notes: list[str]) ->
     return log.close()
 
 
-def _unheard(loop: ControlLoop) -> list[str]:
+def _motors_left_on(loop: ControlLoop) -> list[str]:
     notes = (
-        ("no answer to being switched off from {}", loop.last_resort.silent_at_the_end),
+        ("no reply to the command to disable from {}", loop.last_resort.silent_at_the_end),
         (
-            "still on at the end, though switched off: {}. Cut the motors' power",
+            "still enabled at the end, despite the command to disable: {}. Cut the motors' power",
             loop.last_resort.on_at_the_end,
         ),
     )

@@ -115,13 +115,15 @@ def beats(figure: Figure, one: Summary, other: Summary) -> bool:
     In an `upright` figure, a policy that fell more often is never better: a robot that falls early makes few
     errors and uses little energy.
     """
-    mine, theirs = interval(figure, one), interval(figure, other)
+    first, second = interval(figure, one), interval(figure, other)
     few = min(one["episodes"], other["episodes"]) < MIN_EPISODES and figure.key not in RATES
-    if mine is None or theirs is None or few:
+    if first is None or second is None or few:
         return False
     if figure.upright and one["fall_rate"] > other["fall_rate"]:
         return False
-    return mine[1] < theirs[0] if figure.better == "low" else figure.better == "high" and mine[0] > theirs[1]
+    return (
+        first[1] < second[0] if figure.better == "low" else figure.better == "high" and first[0] > second[1]
+    )
 
 
 def leaders(figure: Figure, summaries: Sequence[Summary]) -> set[int]:

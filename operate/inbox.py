@@ -155,7 +155,7 @@ class Inbox:
         refused = _wrong_name(operator)
         with self._lock:
             if not refused and self._owner not in ("", operator):
-                refused = self._may_all(operator, changes)
+                refused = self._permission(operator, changes)
             if refused:
                 return refused
             before, now_s = self._held.request, self._clock()
@@ -230,7 +230,7 @@ class Inbox:
     def _not_owner(self, operator: str) -> str:
         return f"{self._owner or 'nobody'} has control, not {operator}: take over first"
 
-    def _may_all(self, operator: str, changes: Mapping[str, Any]) -> str:
+    def _permission(self, operator: str, changes: Mapping[str, Any]) -> str:
         """Why an operator without control may not change this; empty if anyone may."""
         settings = changes.get("settings", {})
         if set(changes) == {"settings"} and all(DECLARED[n].access is Access.ANYONE for n in settings):

@@ -55,10 +55,10 @@ class Exporter:
         """Start the process ahead of the first export."""
         if self._process is None:
             context = multiprocessing.get_context("spawn")
-            self._connection, theirs = context.Pipe()
-            self._process = context.Process(target=_export_on_demand, args=(theirs,), daemon=True)
+            self._connection, child_end = context.Pipe()
+            self._process = context.Process(target=_export_on_demand, args=(child_end,), daemon=True)
             self._process.start()
-            theirs.close()  # so that each side notices the end of the other
+            child_end.close()  # so that each side notices the end of the other
 
     def start(self, checkpoint: Path, out: Path) -> None:
         """Begin to export a checkpoint; `poll` returns the result."""

@@ -111,8 +111,8 @@ class Contract:
                 ("kp", self.kp, robot.kp.tolist()),
                 ("kd", self.kd, robot.kd.tolist()),
             ]
-        for name, mine, theirs in expected:
-            if difference := _difference(mine, theirs):
+        for name, policy_values, robot_values in expected:
+            if difference := _difference(policy_values, robot_values):
                 found.append(f"{name}: policy has {difference}")
         if not found and self.digest != robot.digest:
             found.append(
@@ -122,11 +122,11 @@ class Contract:
         return found
 
 
-def _difference(mine: Sequence[object], theirs: Sequence[object]) -> str:
+def _difference(policy_values: Sequence[object], robot_values: Sequence[object]) -> str:
     """First difference and the number of further ones; empty if both are equal."""
-    if len(mine) != len(theirs):
-        return f"{len(mine)}, robot has {len(theirs)}"
-    pairs = [(own, other) for own, other in zip(mine, theirs, strict=True) if own != other]
+    if len(policy_values) != len(robot_values):
+        return f"{len(policy_values)}, robot has {len(robot_values)}"
+    pairs = [(own, other) for own, other in zip(policy_values, robot_values, strict=True) if own != other]
     if not pairs:
         return ""
     (own, other), more = pairs[0], len(pairs) - 1

@@ -71,7 +71,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """What collection imports stays: the garbage collector need not look at it, now or during the tests."""
+    """Imports of the collection stay, so the garbage collector need not look at them."""
     gc.disable()
     try:
         return (yield)
@@ -96,14 +96,14 @@ gc.unfreeze = unfreeze
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown() -> None:
-    """A run in real time ends by handing everything back to the collector."""
+    """The collector looks at all objects again after a run in real time."""
     if handed_back:
         handed_back.clear()
         gc.freeze()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Each worker begins collection with another room: what one has compiled, the others read."""
+    """Each worker begins collection with another room, and reads the files that others have compiled."""
     worker = getattr(config, "workerinput", None)
     if worker is not None and [Path(name).resolve() for name in config.args] == [HERE]:
         rooms = sorted({str(HERE / path.relative_to(HERE).parts[0]) for path in HERE.rglob("test_*.py")})

@@ -69,7 +69,7 @@ def refused(injector: FaultInjector) -> None:
 
 
 LIMITED = "a command within the limits is no fault; a fall is noticed by its tilt"
-UNHEARD = "no more frames are sent: motors stop by their own timeout"
+NOTHING_SENT = "no more frames are sent: motors stop by their own timeout"
 POLICY = (
     *(
         FaultKind(f"policy: {name} of {value}", filled(name, value), 0.03, main=name == "kp")
@@ -97,6 +97,6 @@ POLICY = (
     ),
     FaultKind("the policy's stance raises", _stance_raises, 0.03, estimating=True),
     FaultKind("receiving raises", receive_raises, 0.01),
-    FaultKind("sending raises", _send_raises, 0.01, UNHEARD),
-    FaultKind("the interface refuses frames", refused, 0.01, UNHEARD),
+    FaultKind("sending raises", _send_raises, 0.01, NOTHING_SENT),
+    FaultKind("the interface refuses frames", refused, 0.01, NOTHING_SENT),
 )

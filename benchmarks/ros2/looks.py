@@ -55,14 +55,14 @@ def steer(peer: Peer) -> None:
         0.05 < way_m / passed_s < 0.4,
         round(way_m / passed_s, 3),
     )
-    speeds = [m.twist.twist.linear.x for at_s, m in peer.heard["/odom"] if at_s > time.monotonic() - 2.0]
+    speeds = [m.twist.twist.linear.x for at_s, m in peer.received["/odom"] if at_s > time.monotonic() - 2.0]
     found(
         "odometry's velocity, m/s",
         0.05 < sum(speeds) / len(speeds) < 0.45,
         round(sum(speeds) / len(speeds), 3),
     )
     peer.drive(publisher, velocity(math.nan), 0.5)
-    lines = lambda: [m.msg for _, m in peer.heard["/rosout"] if "finite" in m.msg]  # noqa: E731
+    lines = lambda: [m.msg for _, m in peer.received["/rosout"] if "finite" in m.msg]  # noqa: E731
     peer.until(lines, 10.0)
     found("NaN is refused in /rosout", lines(), lines()[:1])
     peer.node.destroy_publisher(publisher)
@@ -71,7 +71,7 @@ def steer(peer: Peer) -> None:
 
 def killed_publisher(peer: Peer) -> None:
     process = subprocess.Popen([sys.executable, "-c", PUBLISHER])
-    commands = peer.heard["/footfall/command"]
+    commands = peer.received["/footfall/command"]
     try:
         peer.until(lambda: commands and commands[-1][1].twist.linear.x > 0.25, 15.0)
     finally:
@@ -96,7 +96,7 @@ def other_type(peer: Peer) -> None:
     code = code.replace("Twist()", "TwistStamped()").replace("message.linear", "message.twist.linear")
     process = subprocess.Popen([sys.executable, "-c", code])
     try:
-        lines = lambda: [m.msg for _, m in peer.heard["/rosout"] if "TwistStamped" in m.msg]  # noqa: E731
+        lines = lambda: [m.msg for _, m in peer.received["/rosout"] if "TwistStamped" in m.msg]  # noqa: E731
         peer.until(lines, 20.0)
         found("the other type of cmd_vel is named", lines(), lines()[:1])
     finally:
@@ -189,7 +189,7 @@ def ask_by_topics(peer: Peer) -> None:
     policy = peer.node.create_publisher(String, "/footfall/policy", 10)
     peer.until(lambda: wish.get_subscription_count() and policy.get_subscription_count(), 10.0)
     policy.publish(String(data="nobody"))
-    lines = lambda: [m.data for _, m in peer.heard["/footfall/notes"] if "nobody" in m.data]  # noqa: E731
+    lines = lambda: [m.data for _, m in peer.received["/footfall/notes"] if "nobody" in m.data]  # noqa: E731
     peer.until(lines, 20.0)
     found("an unknown policy is refused in the notes", lines(), lines()[:1])
 

@@ -27,9 +27,9 @@ def stamp_s(message: Any) -> float:
 
 def rate_hz(peer: Peer, topic: str, seconds: float) -> float:
     """Rate of a topic by its time stamps, because messages arrive in bursts on a busy computer."""
-    before = len(peer.heard[topic])
+    before = len(peer.received[topic])
     peer.spin(seconds)
-    stamps = [stamp_s(message) for _, message in peer.heard[topic][before:]]
+    stamps = [stamp_s(message) for _, message in peer.received[topic][before:]]
     return (len(stamps) - 1) / (stamps[-1] - stamps[0]) if len(stamps) > 1 else 0.0
 
 

@@ -17,10 +17,10 @@ class Peer:
         self.node = rclpy.create_node("peer")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
-        self.heard: dict[str, list[tuple[float, Any]]] = {}
+        self.received: dict[str, list[tuple[float, Any]]] = {}
 
     def listen(self, topic: str, kind: Any, quality: Any = 10) -> None:
-        kept = self.heard.setdefault(topic, [])
+        kept = self.received.setdefault(topic, [])
         self.node.create_subscription(kind, topic, lambda m: kept.append((time.monotonic(), m)), quality)
 
     def spin(self, seconds: float) -> None:
@@ -46,7 +46,7 @@ class Peer:
             self.node.destroy_client(client)
 
     def latest(self, topic: str) -> Any:
-        return self.heard[topic][-1][1] if self.heard[topic] else None
+        return self.received[topic][-1][1] if self.received[topic] else None
 
     def drive(self, publisher: Any, message: Any, seconds: float) -> None:
         """Publish a velocity 20 times a second."""

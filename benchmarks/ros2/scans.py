@@ -39,7 +39,7 @@ publisher = node.create_publisher(Float32MultiArray, "/height_scan", 1)
 size = int(sys.argv[1])
 while not publisher.get_subscription_count():
     time.sleep(0.02)
-print("heard", flush=True)
+print("received", flush=True)
 end_s = time.monotonic() + float(sys.argv[2])
 while time.monotonic() < end_s:
     few = time.monotonic() > end_s - 1.0
@@ -76,7 +76,7 @@ def main() -> int:
             subprocess.Popen(publisher, env=environment, stdout=subprocess.PIPE, text=True) as mapper,
         ):
             assert mapper.stdout is not None
-            heard = mapper.stdout.readline().strip() == "heard"
+            received = mapper.stdout.readline().strip() == "received"
             run.wait(START_S + WALKING_S)
             mapper.kill()
         notes, fell = (json.loads(result.read_text())[key] for key in ("notes", "fell"))
@@ -89,7 +89,7 @@ def main() -> int:
     read = [each.height_scan for each in inputs if each.height_scan is not None]
     right = sum(np.allclose(each, sent, atol=1e-4) for each in read)
     findings = [
-        ("the run subscribes", heard, "/height_scan"),
+        ("the run subscribes", received, "/height_scan"),
         ("policy steps with a scan", 50 < len(read) < len(inputs), f"{len(read)} of {len(inputs)}"),
         ("scans equal the published ones", right == len(read), f"{right} of {len(read)}"),
         ("a scan of another grid is noted", any("3 heights" in each for each in notes), notes),

@@ -150,7 +150,9 @@ def _of_robot(robot: Robot, trained: Sequence[tuple[FixedLeg, "Trained"]]) -> Ac
         limit=empty(like.limit),
     )
     for leg, found in trained:
-        for ours, theirs in zip((*net.layers, *net[1:]), (*found.net.layers, *found.net[1:]), strict=True):
-            if ours is not net.memory_s:
-                ours[leg.joints] = theirs
+        for all_joints, one_leg in zip(
+            (*net.layers, *net[1:]), (*found.net.layers, *found.net[1:]), strict=True
+        ):
+            if all_joints is not net.memory_s:
+                all_joints[leg.joints] = one_leg
     return net

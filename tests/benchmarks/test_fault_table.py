@@ -67,7 +67,7 @@ def test_a_faulty_imu_or_a_wrong_posture_prevents_stiffness(kind: str, message: 
 
 
 class TestARun:
-    """Versions that the result depends on."""
+    """One run of the table, with all versions that its result depends on."""
 
     def test_random_draws_depend_on_the_kinds_name_only(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """The joint with the wrong encoder is drawn; a table of one row draws the same."""
@@ -104,7 +104,7 @@ class TestAHealthyRun:
     TASK = HealthyTask("go1", "go1-flat", "pushed", 0)
 
     def run(self, monkeypatch: pytest.MonkeyPatch, go1: Robot, push_m_s: float, **safety: Any) -> Any:
-        """A second of walking, with a push after 0.3 s."""
+        """A run that walks for a second, with a push after 0.3 s."""
         limited = replace(go1, description=replace(go1.description, safety=safety))
         monkeypatch.setattr(healthy_runs, "robot_of", lambda _: limited)
         monkeypatch.setattr(healthy_runs, "EPISODE_S", 1.0)

@@ -9,7 +9,7 @@ from odometry_plot import STEP_M, drift_over_distance, plot
 
 
 def walk(way_m: float, error_m: float, **more: Any) -> dict[str, Any]:
-    """Straight ahead, sampled three times, with an error to the left relative to the distance."""
+    """A walk straight ahead, sampled three times, with an error to the left relative to the distance."""
     rows = [
         {"true": [x, 0.0, 0.3], "estimated": [x, y, 0.3], "error": [0.0, y, 0.1, 0.0, 0.0, 0.0]}
         for x, y in zip(np.linspace(0.0, way_m, 3), np.linspace(0.0, error_m, 3), strict=True)

@@ -24,7 +24,7 @@ class TestCache:
     def test_the_processors_kind_is_read_from_the_first_core_only(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        """Lines may come in any order, on any architecture."""
+        """The order of the lines does not matter, on any architecture."""
         info = tmp_path / "cpuinfo"
         monkeypatch.setattr(cache, "CPU_INFO", info)
 

@@ -35,7 +35,7 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("ours", "mujocos", "arguments"),
+    ("function", "mujoco_function", "arguments"),
     [
         (rotations.rotation_matrix, matrix, (QUATERNIONS,)),
         (rotations.rotate_to_body, to_body, (QUATERNIONS, VECTORS)),
@@ -44,14 +44,14 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     ],
 )
 class TestAgainstMujoco:
-    def test_a_batch_in_numpy_and_in_jax(self, ours, mujocos, arguments) -> None:
-        expected = [mujocos(*each) for each in zip(*arguments, strict=True)]
-        np.testing.assert_allclose(ours(*arguments), expected, atol=1e-12)
-        np.testing.assert_allclose(ours(*map(jnp.asarray, arguments)), expected, atol=1e-6)
+    def test_a_batch_in_numpy_and_in_jax(self, function, mujoco_function, arguments) -> None:
+        expected = [mujoco_function(*each) for each in zip(*arguments, strict=True)]
+        np.testing.assert_allclose(function(*arguments), expected, atol=1e-12)
+        np.testing.assert_allclose(function(*map(jnp.asarray, arguments)), expected, atol=1e-6)
 
-    def test_results_keep_the_dtype(self, ours, mujocos, arguments) -> None:
+    def test_results_keep_the_dtype(self, function, mujoco_function, arguments) -> None:
         single = [each[0].astype(np.float32) for each in arguments]
-        assert ours(*single).dtype == np.float32
+        assert function(*single).dtype == np.float32
 
 
 TURNS = Rotation.from_quat(QUATERNIONS, scalar_first=True)
@@ -93,7 +93,7 @@ def test_roll_pitch_yaw_are_recovered_in_all_octants() -> None:
 
 @pytest.mark.parametrize("index", range(6))
 def test_gravity_is_shifted_by_the_shortest_turn(index: int) -> None:
-    """The body turns about an axis perpendicular to gravity, as scipy aligns one direction with the other."""
+    """The body turns about an axis perpendicular to gravity, like scipy's alignment of two directions."""
     before, offset = TURNS[index], np.array([0.2, -0.1, 0.15])
     down = before.inv().apply([0.0, 0.0, -1.0])
     expected = (down + offset) / np.linalg.norm(down + offset)

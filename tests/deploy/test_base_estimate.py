@@ -52,7 +52,7 @@ def test_a_known_state_replaces_an_estimate(go1: Robot, known: bool) -> None:
 
 
 def test_the_pose_is_zero_when_the_policy_takes_over() -> None:
-    """The pose of that very tick: a mission counts from its first pose."""
+    """The pose is that of the policy's first tick, because a mission counts from its first pose."""
 
     class Walked(FakeEstimator):
         def pose(self) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""The battery's charge from what motors report, against a pack whose charge is known."""
+"""The battery's charge from the motors' reports, against a pack whose charge is known."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ LIMITS = BatteryLimits()
 
 
 class Pack:
-    """A pack, and what motors report of it. It may differ from its declaration."""
+    """A pack and the motors' reports of it. The pack may differ from its declaration."""
 
     def __init__(self, robot: Robot, charge: float, chemistry: str = "lithium_ion") -> None:
         self.battery = Battery(10, 20.0, 0.1, chemistry)

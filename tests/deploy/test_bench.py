@@ -11,7 +11,7 @@ from some_motors import with_motors
 from watched_simulation import Simulation
 
 from footfall.common.errors import UserError
-from footfall.deploy.bench import PERIOD_US, Bench, switched_off_afterwards
+from footfall.deploy.bench import PERIOD_US, Bench, disabled_afterwards
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.scan import Found, expected, scan
@@ -44,7 +44,7 @@ def stand(request: pytest.FixtureRequest, go1: Robot) -> OnStand:
 class TestBench:
     def test_motors_are_enabled_without_torque_and_disabled_after_an_exception(self, stand: OnStand) -> None:
         bench, torques = stand.bench(), []
-        with suppress(RuntimeError), switched_off_afterwards(bench):
+        with suppress(RuntimeError), disabled_afterwards(bench):
             assert (bench.query_settings(), bench.enable()) == ("", "")
             assert stand.body.motors_on.all()
             bench.idle(0.2, lambda: torques.append(np.abs(stand.body.truth().motor_torque).max()))
@@ -129,7 +129,7 @@ class TestBench:
         bench = stand.bench()
         bench.enable()
         stand.bus.fault = lambda: "bus can0 is bus-off"  # type: ignore[method-assign]
-        with pytest.raises(UserError, match="bus-off"), switched_off_afterwards(bench):
+        with pytest.raises(UserError, match="bus-off"), disabled_afterwards(bench):
             bench.idle(1.0, lambda: None)
         assert not stand.body.motors_on.any()
 
@@ -138,7 +138,7 @@ class TestBench:
         stand, before = OnStand(go1), signal.getsignal(number)
         bench = stand.bench()
         bench.enable()
-        with pytest.raises(KeyboardInterrupt), switched_off_afterwards(bench):
+        with pytest.raises(KeyboardInterrupt), disabled_afterwards(bench):
             bench.idle(1.0, lambda: os.kill(os.getpid(), number))
         assert not stand.body.motors_on.any()
         assert signal.getsignal(number) is before
@@ -163,7 +163,10 @@ class TestScan:
         assert not stand.body.motors_on.any()
 
     def test_no_probe_has_an_identifier_of_an_odrive(self, go1: Robot) -> None:
-        """With id 1 it uses 0x020 to 0x03f: the frame that disables MIT motor 0x36 would restart it."""
+        """An ODrive with id 1 uses 0x020 to 0x03f.
+
+        The frame that disables MIT motor 0x36 would restart the ODrive.
+        """
         stand, sent = OnStand(with_motors(go1, hip="ODrive", knee="ODrive")), []
         send = stand.bus.send
 

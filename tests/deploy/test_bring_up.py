@@ -1,4 +1,4 @@
-"""Bring-up, from holding a pose to walking: what each step measures, and which step finds which fault."""
+"""Bring-up, from holding a pose to walking: the measurements of each step, and the faults that it finds."""
 
 import json
 from collections.abc import Iterator
@@ -80,7 +80,7 @@ class TestCriteria:
         ],
     )
     def test_a_joint_follows_its_target(self, go1: Robot, moved: int, by: float, finds: list[str]) -> None:
-        """Its travel is measured from its start."""
+        """A joint's travel is measured from its start."""
         pose = go1.default_pose
         position = pose + 0.01 + only(moved, by * TRAVEL)
         found = findings(go1, criteria.follow, 2, target=pose + only(2, TRAVEL), position=position)

@@ -68,7 +68,7 @@ def refused(settings: type, name: str, value: float) -> bool:
 
 
 def test_no_setting_may_be_nan_or_infinite() -> None:
-    """Settings whose default is None or a table have rows of their own."""
+    """Settings whose default is None or a table have their own rows."""
     classes = (DeployConfig, SafetyConfig, SensorLimits, BringUpConfig, BringUpLimits, WiringCheckConfig)
     for settings in classes:
         numbers = [each.name for each in fields(settings) if isinstance(each.default, float)]

@@ -92,7 +92,7 @@ class TestContact:
             np.testing.assert_array_equal(self.after(robot, self.begun(robot, hanging), hanging, 100), 0.0)
 
     def test_a_stretched_leg_does_not_stop_the_estimate(self, tmp_path: Path) -> None:
-        """All links in a line: no torque depends on a force along it."""
+        """If all links are in a line, no torque depends on a force along the line."""
         robot = bodies(tmp_path)["biped without ankles"]
         straight = held_out(robot, np.zeros(6))
         jacobian = robot.legs.pose(straight.joint_position).jacobian
@@ -106,7 +106,7 @@ class TestContact:
         np.testing.assert_allclose(found, plan, atol=0.01)
 
     def test_trust_rises_slowly_and_falls_quickly(self) -> None:
-        """After one time constant of 30 ms trust is 63 %. It falls sooner after the force has ended."""
+        """After one time constant of 30 ms trust is 63 %. After the end of the force it falls sooner."""
         standing, hanging = (carried(ROBOT, np.tile(f * UP, (4, 1))) for f in (40.0, 0.0))
         contact = self.begun(ROBOT, standing)
         contact.probability = [0.0] * 4

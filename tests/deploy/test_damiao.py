@@ -30,7 +30,7 @@ class TestFrames:
         assert hexed(frames) == ["00 00 ff f0 00 ff f0 00", "a0 c4 00 0f ff 00 0f ff"]
 
     def test_a_reply_is_decoded_as_in_the_manual(self, driver: DamiaoDriver) -> None:
-        """State 1 and id 3 share byte 0; MOSFETs of 40 degrees, a rotor of 45, of which the hotter counts."""
+        """State 1 and id 3 share byte 0. MOSFETs have 40 degrees and the rotor 45; the hotter counts."""
         replies = driver.replies(frame(0x203, "13 ff ff 00 0f ff 28 2d"))
         assert np.arange(2)[replies.motor].tolist() == [0]
         np.testing.assert_allclose(replies.values[:, 0], [12.5, -30.0, 10.0])

@@ -1,4 +1,4 @@
-"""Whole runs in lockstep time: orderly ones, pushed ones, and ones in which something breaks."""
+"""Whole runs in lockstep time: orderly runs, runs with pushes, and runs with a failure."""
 
 import numpy as np
 import pytest

@@ -129,7 +129,7 @@ def test_a_feed_in_use_is_refused_and_one_of_an_ended_process_is_replaced(
 
 
 def test_a_run_that_ends_while_its_scene_is_loaded_waits_for_that() -> None:
-    """Extension modules that a daemon thread imports crash the interpreter at its end, now and then."""
+    """Extension modules that a daemon thread imports sometimes crash the interpreter at its end."""
     program = """
 import sys, time, types
 class Scene:

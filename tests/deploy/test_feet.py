@@ -43,7 +43,7 @@ class TestContactPoints:
     def test_a_sole_touches_with_its_lowest_edge(
         self, axis: str, angle: float, expected: tuple[float, float], atol: float
     ) -> None:
-        """From the sole's middle: corners are 0.085 m ahead and behind, 0.03 and 0.025 m aside."""
+        """Corners are 0.085 m ahead of the sole's middle and behind it, 0.03 and 0.025 m to the sides."""
         up = about(axis, angle).T @ UP
         arms = ContactPoints(G1.legs, 0.0005).arms(G1.default_pose, up)
         np.testing.assert_allclose(arms[:, :2] + 0.005 * up[:2], [expected] * 2, atol=atol)
@@ -58,7 +58,7 @@ class TestContactPoints:
         np.testing.assert_allclose(arms[:, 0], [0.085 * np.cos(0.1), -0.085 * np.cos(0.1)], atol=1e-4)
 
     def test_spheres_of_spheres_capsules_and_boxes(self) -> None:
-        """A sphere, both ends of a tilted capsule, the corners of a turned box: on its own axes, by scipy."""
+        """Spheres are at both ends of a tilted capsule and at the corners of a turned box, by scipy."""
         model = mujoco.MjModel.from_xml_string(
             """<mujoco><worldbody><body><freejoint/>
             <geom type="sphere" size="0.02" pos="0.1 0 0" mass="1"/>

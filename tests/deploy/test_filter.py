@@ -41,7 +41,10 @@ def coupled(config: FilterConfig = NO_OUTLIERS, seed: int = 3) -> MotionFilter:
 
 class TestFilter:
     def test_prediction_follows_the_textbook(self) -> None:
-        """F P F' + Q with p' = p + v dt, v' = v + (a - b) dt; a is the mean of two readings'."""
+        """The covariance is F P F' + Q with p' = p + v dt, v' = v + (a - b) dt.
+
+        A is the mean of two readings.
+        """
         config, dt_s, turn = NO_OUTLIERS, 0.003, about("x", 0.3)
         motion = coupled()
         position, velocity, bias = (np.array(x) for x in (motion.position, motion.velocity, motion.bias))
@@ -110,7 +113,10 @@ class TestFilter:
 
     @pytest.mark.parametrize(("ticks", "follows"), [(1, False), (15, True)])
     def test_the_velocity_follows_a_push_that_lasts(self, ticks: int, follows: bool) -> None:
-        """All legs measure 0.4 m/s, which the accelerometer did not: for 2 ms a shock, for 30 ms a push."""
+        """All legs measure 0.4 m/s and the accelerometer nothing.
+
+        A shock if for 2 ms, a push if for 30 ms.
+        """
         motion = MotionFilter(FilterConfig())
         motion.predict([0.0, 0.0, 9.81], LEVEL, 0.002)
         for _ in range(500):

@@ -116,7 +116,7 @@ def walk(robot: Robot, distort: Distortion | None, duration_s: float = 1.2, **se
 
 
 def each_otherwise(body: SimulatedRobot) -> None:
-    """The first one is silent, the others report no force, too much, and a negative one."""
+    """The first sensor is silent, the others report no force, too large a force, and a negative force."""
     assert body.foot_sensors is not None
     body.foot_sensors.silent[0] = True
     body.foot_sensors.distort = lambda true: np.array([0.0, 0.0, 3000.0, -50.0])

@@ -1,4 +1,4 @@
-"""Which height scans reach a policy: recent ones of the right grid; notes on the others."""
+"""Height scans that reach a policy: recent scans of the right grid. Others are noted."""
 
 import numpy as np
 

@@ -133,7 +133,10 @@ class TestReader:
 
     @pytest.mark.parametrize("before", [1, 2, 3])
     def test_a_part_has_the_time_of_its_frames_arrival(self, wire: Wire, before: int) -> None:
-        """Frame by frame at first, then all at once; a queued frame is older than its counter suggests."""
+        """Frames arrive one by one at first, then all at once.
+
+        A queued frame is older than its counter suggests.
+        """
         for counter in range(before):
             wire.send(counter, 1000 * counter)
         data = imu.encode(imu.Inertial([0.1, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0]), before)

@@ -132,7 +132,7 @@ class TestOnASerialLine:
         assert imu.arrived_us == 3000
 
     def test_a_message_after_half_a_message_is_decoded(self, driver: type, encode) -> None:
-        """Half a message, then a whole one, which begins within the length of the former."""
+        """Half a message is followed by a whole message, which begins within the length of the first."""
         imu: SerialImu = driver(0)
         imu.absorb(to_frames(0, encode(Sample(1, TILTED))[:20] + encode(Sample(2, TILTED))), 1000)
         assert imu.arrived_us == 1000

@@ -56,7 +56,7 @@ class TestOut:
     def test_the_smaller_of_two_torques_of_one_direction_is_expected(
         self, go1: Robot, wiring: Wiring, layer: JointLayer, side: float
     ) -> None:
-        """Between the commands the joint moves by 0.04 rad: 0.8 N m at 20 N m/rad."""
+        """Between the commands the joint moves by 0.04 rad, which is 0.8 N m at 20 N m/rad."""
         for torque in (0.4, -0.4, 2.0, 1.2):
             layer.command(command(go1, go1.default_pose, torque=side * torque))
         layer.absorb([replies(wiring, go1.default_pose - side * 0.04)], 2000)
@@ -109,8 +109,8 @@ class TestReadingsOfEveryKind:
         share = limit_torque(torque, sensed.joint_velocity, go1.motor) / torque
         assert 2 <= (share < 1.0).sum() < 12
         lowered = JointCommand(*requested[:2], *(share * np.array(requested[2:])))
-        for ours, theirs, atol in zip(sent, lowered, (4e-4, 0.02, 0.13, 2e-3, 0.02), strict=True):
-            np.testing.assert_allclose(ours, theirs, atol=atol)
+        for sent_part, lowered_part, atol in zip(sent, lowered, (4e-4, 0.02, 0.13, 2e-3, 0.02), strict=True):
+            np.testing.assert_allclose(sent_part, lowered_part, atol=atol)
         cut = share < 1.0  # a lowered gain is rounded down, any other to the nearest
         assert np.all(sent.kp[cut] <= lowered.kp[cut])
         np.testing.assert_allclose(sent.kp[~cut], requested.kp[~cut], atol=0.07)

@@ -57,7 +57,7 @@ class Notebook:
 
     @property
     def modes(self) -> list[str]:
-        """One after the other."""
+        """Modes of the run, one after the other."""
         modes = [tick.mode.value for tick in self.ticks]
         return [mode for mode, before in zip(modes, ["", *modes], strict=False) if mode != before]
 

@@ -1,4 +1,4 @@
-"""What holds for the motors of every maker: requests, rounding, settings at the start, robots that stand."""
+"""Motors of every maker: requests, rounding, settings at the start, robots that stand."""
 
 from typing import Any
 

@@ -20,7 +20,10 @@ def walked(config: OdometryConfig, velocity: tuple[float, float], time_s: float)
 
 class TestDrift:
     def test_yaw_drift_rotates_the_path(self) -> None:
-        """Straight at v, yaw a random walk of q: variances q^2 T of the yaw, v^2 q^2 T^3 / 3 across."""
+        """The robot walks straight at v; its yaw is a random walk of q.
+
+        Variances are q^2 T of the yaw, v^2 q^2 T^3 / 3 across.
+        """
         drift = walked(OdometryConfig(**{**vars(NO_DRIFT), "yaw_drift": 0.01}), (0.0, 0.5), 8.0)
         found = drift.covariance(np.array([0.0, 4.0, 0.0]))
         assert found[YAW, YAW] == pytest.approx(8e-4)
@@ -46,7 +49,7 @@ class TestDrift:
 
 class TestLateness:
     def swayed(self, late_s: float, frequency_hz: float = 2.0) -> Lateness:
-        """A second at 0.5 m/s ahead, then a sway of 0.1 m/s to the left and right."""
+        """A walk at 0.5 m/s for a second, then a sway of 0.1 m/s to the left and right."""
         lateness = Lateness(OdometryConfig(latency_s=late_s, latency_filter_s=0.5))
         for tick in range(4000):
             angle = math.tau * frequency_hz * 0.001 * tick
@@ -58,7 +61,10 @@ class TestLateness:
         np.testing.assert_allclose(self.swayed(0.0).covariance, 0.0, atol=1e-30)
 
     def test_the_error_of_lateness_is_a_filters_mean_square_lag(self) -> None:
-        """A step of 1 m/s, late by 3 ms: in ticks of 1 ms it lags by 3/4 at first; a tenth of that counts."""
+        """A velocity step of 1 m/s is late by 3 ms.
+
+        At first it lags by 3/4 in ticks of 1 ms, of which a tenth counts.
+        """
         lateness = Lateness(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
         lateness.advance([0.0, 0.0, 0.0], 0.001)
         lateness.advance([0.0, 0.0, 1.0], 0.001)

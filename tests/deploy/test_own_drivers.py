@@ -1,4 +1,4 @@
-"""Drivers of a user's own, named in robot.yaml: they drive a simulated robot, or are refused in one line."""
+"""A user's own drivers, named in robot.yaml, drive a simulated robot or are refused in one line."""
 
 from dataclasses import replace
 from typing import Any

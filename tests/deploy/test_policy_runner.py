@@ -102,7 +102,7 @@ class TestTimes:
         assert policy.resets == 1
 
     def test_missed_steps_are_not_made_up_for(self, go1: Robot) -> None:
-        """A pause of 76 ms: one step at its end, and the next where the rhythm of 20 ms has it."""
+        """After a pause of 76 ms there is one step, and the next at the following multiple of 20 ms."""
         times = walk(runner_of(Hold(go1)), [*range(0, 52_000, TICK_US), *range(126_000, 186_000, TICK_US)])
         assert times == pytest.approx([0, 0.02, 0.04, 0.126, 0.14, 0.16, 0.18])
 

@@ -63,7 +63,7 @@ def test_health_is_of_each_motor_and_the_imus_age_comes_last(driver: Scripted, r
 
 
 def test_layouts_that_never_repeat_do_not_fill_the_memory(driver: Scripted, receiver: Receiver) -> None:
-    """For example with a protocol that has values in its identifiers."""
+    """Some protocols have values in their identifiers, so layouts never repeat."""
     driver.next = replies(slice(None), [30.0] * 3, [24.0] * 3, [0] * 3)
     with memory_growth() as kilobytes:
         for number in range(2000):

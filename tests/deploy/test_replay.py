@@ -54,7 +54,7 @@ class Counts(Hold):
 
 
 def write_steps(path: Path, decisions: list[np.ndarray], steps: int, joints: Any = None) -> Path:
-    """A log of these observations, and of the commands for the first ones. None: go1's joints."""
+    """A log of these observations, and of commands for the first observations. `joints` None: go1's."""
     joints = list(load_robot("go1").joint_names) if joints is None else joints
     with path.open("wb") as file:
         writer = Writer(file)
@@ -94,7 +94,7 @@ class TestReplay:
         assert replay(path, Counts(go1), tolerance=10.0).worst_difference == np.inf
 
     def test_unfit_logs_and_failing_policies_are_refused(self, go1: Robot, tmp_path: Path) -> None:
-        """Logs without decisions, of another robot, without joint names, with too few numbers."""
+        """The logs have no decisions, another robot, no joint names, or too few numbers."""
 
         class Fails(Counts):
             def act(self, inputs: PolicyInput) -> JointCommand:
@@ -113,7 +113,7 @@ class TestReplay:
                 replay(path, policy(go1))
 
     def test_decisions_are_compared_by_time(self, go1: Robot, tmp_path: Path) -> None:
-        """A damaged part of a log may have contained only one of the two."""
+        """A damaged part of a log may have contained only the observation or only the command."""
         path = tmp_path / "gap.mcap"
         log = McapLog(path, go1, Hold(go1), {}, may_wait=True)
         log.begin(0)
@@ -126,11 +126,11 @@ class TestReplay:
 
 
 class TestRecover:
-    """Against MCAP's own reader."""
+    """Repaired logs, read by MCAP's own reader."""
 
     @pytest.fixture
     def damaged(self, tmp_path: Path) -> Path:
-        """Two schemas, three channels, messages whose times and numbers all differ, and no end."""
+        """A log without an end: two schemas, three channels, messages whose times and numbers all differ."""
         path = tmp_path / "damaged.mcap"
         with path.open("wb") as file:
             writer = PlainWriter(file, chunk_size=1, compression=CompressionType.NONE)
@@ -300,8 +300,8 @@ NOT_OF_ROS = {"can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"}
 
 def test_definitions_equal_those_of_ros_2() -> None:
     """A tool decodes the bytes by its own definition, independently of the file's."""
-    ours, theirs = get_typestore(Stores.EMPTY), get_typestore(Stores.ROS2_JAZZY)
+    own_types, ros_types = get_typestore(Stores.EMPTY), get_typestore(Stores.ROS2_JAZZY)
     for kind in {topic.kind for topic in TOPICS.values()} - NOT_OF_ROS:
         found = get_types_from_msg(definition(kind), kind)
-        ours.register(found)
-        assert all(ours.hash_rihs01(each) == theirs.hash_rihs01(each) for each in found), kind
+        own_types.register(found)
+        assert all(own_types.hash_rihs01(each) == ros_types.hash_rihs01(each) for each in found), kind

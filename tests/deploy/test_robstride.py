@@ -43,7 +43,7 @@ class TestFrames:
         ]
 
     def test_a_reply_is_decoded_as_in_the_manual(self, driver: RobstrideDriver) -> None:
-        """Mode 2 in bits 22 and 23, motor 7 in bits 8 to 15, to host 0xfd; 40 degrees are 400, 0x0190."""
+        """Bits 22 and 23 are mode 2, bits 8 to 15 motor 7; the host is 0xfd. 40 degrees are 400, 0x0190."""
         replies = driver.replies(frame(0x028007FD, "ffff 0000 ffff 0190"))
         assert np.arange(2)[replies.motor].tolist() == [0]
         np.testing.assert_allclose(replies.values[:, 0], [TURNS, -33.0, 14.0])
@@ -63,7 +63,7 @@ class TestFrames:
         assert driver.error_name(int(errors[-1])) == message
 
     def test_enable_disable_clear_and_zero_are_the_manuals_frames(self, driver: RobstrideDriver) -> None:
-        """Byte 0 is 1 in the last two: of a stop (4), which then clears faults, and of type 6."""
+        """Byte 0 is 1 in a stop (type 4) that clears faults and in type 6."""
         for frames, identifier, first in (
             (driver.enable(), "0300fd07", "0000"),
             (driver.disable(), "0400fd07", "0000"),

@@ -172,7 +172,7 @@ class TestStart:
         assert after(N, STARTED) == State(S, 0.5)
 
     def test_a_bus_fault_is_reported_while_motors_are_silent(self) -> None:
-        """Otherwise the reason would be missing."""
+        """Without this order the reason would be missing."""
         silent = STARTED | {"motors.silence_s": 9e9}
         assert after(N, silent, **{"bus.fault": "bus can2 is bus-off"}).mode is E
         assert after(N, silent, **{"bus.frames_refused": 3}).mode is E

@@ -1,4 +1,7 @@
-"""Readings that contradict each other are found and named, and those of a healthy robot never do."""
+"""Readings that contradict each other are found and named.
+
+Readings of a healthy robot do not contradict each other.
+"""
 
 from collections.abc import Callable
 

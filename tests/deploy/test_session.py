@@ -53,7 +53,7 @@ class TestSignals:
 class TestInterface:
     @pytest.fixture
     def opened(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """What was opened, and whether it was closed."""
+        """The opened interfaces, and "closed" once they are closed."""
         found: list[Any] = []
 
         class Bus:

@@ -1,4 +1,4 @@
-"""What keeps a robot from being given stiffness, and how late ticks are counted: see `signal_source`."""
+"""Conditions that prevent stiffness, and the count of late ticks: see `signal_source`."""
 
 import math
 
@@ -37,7 +37,7 @@ def test_an_impossible_position_prevents_stiffness(go1: Robot, joint: int, turns
 
 @pytest.mark.parametrize("query", ["not_ready", "not_enabled"])
 def test_no_joint_gets_stiffness_before_each_motor_is_ready_and_enabled(go1: Robot, query: str) -> None:
-    """All answer meanwhile; in the end the fault is that of the driver."""
+    """All motors reply meanwhile. At the end the fault is the driver's."""
     driver = open_driver(wiring_of(go1))
     setattr(driver, query, lambda: "motor knee is not there yet")
     assert refused(*loop_of(go1, Hold(go1), driver=driver)) == ("motor knee is not there yet",)
@@ -66,7 +66,10 @@ def test_motors_are_enabled_until_all_have_answered(go1: Robot) -> None:
 
 
 def test_the_share_of_skipped_ticks_fades() -> None:
-    """58 ms of a pause of 60 ms within the last second; 0 of 2 ms; one second of two."""
+    """A pause of 60 ms skips 58 ms of the last second; one of 2 ms skips none.
+
+    One of 2 s skips the whole second.
+    """
     skipped = SkippedTicks(TICK_US)
     shares = [skipped.share(elapsed_us) for elapsed_us in (TICK_US, 60_000, TICK_US, 0, 2_000_000)]
     assert shares == pytest.approx([0.0, 0.058, 0.058 * 0.998, 0.058 * 0.998, 0.999])
@@ -74,7 +77,7 @@ def test_the_share_of_skipped_ticks_fades() -> None:
 
 @pytest.mark.parametrize(("silent_ticks", "compared"), [(0, True), (15, False)])
 def test_a_gap_of_the_imu_is_not_compared_across(go1: Robot, silent_ticks: int, compared: bool) -> None:
-    """A turn of 0.3 rad that no gyro reports, at once or within 30 ms of silence."""
+    """The base turns by 0.3 rad, which the gyro does not report, at once or within 30 ms of silence."""
     loop, body = loop_of(go1, Hold(go1))
     until(loop, Mode.WALKING)
     body.imu_silent = silent_ticks > 0

@@ -1,4 +1,4 @@
-"""Linux's CAN interfaces: what goes to the kernel and comes from it, byte by byte."""
+"""Linux's CAN interfaces: bytes sent to the kernel and received from it."""
 
 import errno
 import socket
@@ -68,7 +68,7 @@ class TestFrames:
         assert [(each.name, each.frames_sent) for each in bus.statistics()] == [("a", 1), ("b", 2)]
 
     def test_waiting_frames_of_all_interfaces_come_in_one_batch(self, kernel: Kernel) -> None:
-        """What a sender left behind a frame's length is not data."""
+        """Bytes beyond a frame's length are not data."""
         bus = SocketCanBus(("a", "b", "c"), FILTERS)
         assert bus.receive(0) == []
         kernel.ends["c"].send(can_frame(0x101, b"12345678"))

@@ -1,4 +1,4 @@
-"""Requests of a command source: refused, clipped, and passed on as changes."""
+"""Requests of a command source are refused, clipped, or passed on as changes."""
 
 import math
 from types import SimpleNamespace

@@ -70,8 +70,8 @@ def test_a_frame_stops_by_its_first_byte(inner: ScriptedBus, arrives: Frames, st
     inner.next = [arrives]
     rest = joined(bus.receive(1000))
     assert (bus.stopped is not None) is stops
-    ours = (arrives.id == 0x7F0) & (arrives.channel == 1)
-    assert rest.id.tolist() == arrives.id[~ours].tolist()  # drivers do not see it
+    stop_frames = (arrives.id == 0x7F0) & (arrives.channel == 1)
+    assert rest.id.tolist() == arrives.id[~stop_frames].tolist()  # drivers do not see it
     inner.next = [frame(0x7F0, b"\0")]
     bus.receive(2000)
     assert (bus.stopped is not None) is stops

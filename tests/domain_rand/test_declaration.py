@@ -52,10 +52,10 @@ def test_the_gpu_preset_trains_on_the_default_declaration_but_mostly_on_short_de
 
 def test_numpy_and_jax_draw_the_same_robot(uniforms: np.ndarray) -> None:
     randomisation = everything()
-    ours = draw(randomisation, fixed(uniforms), JOINTS, BODIES)
-    theirs = draw(randomisation, fixed(jnp.asarray(uniforms)), JOINTS, BODIES)
+    in_numpy = draw(randomisation, fixed(uniforms), JOINTS, BODIES)
+    in_jax = draw(randomisation, fixed(jnp.asarray(uniforms)), JOINTS, BODIES)
     for name in NAMES:
-        np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose(in_numpy[name], in_jax[name], rtol=1e-6, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", NAMES)

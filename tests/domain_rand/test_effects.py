@@ -1,7 +1,7 @@
 """Each named distribution changes the quantity of physics or readings in its name.
 
-Delays are tested with the loop and with the environment, which carry them out; so are pushes and
-initial states.
+Delays, pushes and initial states are tested with the loop and the
+environment.
 """
 
 from collections.abc import Callable
@@ -73,13 +73,13 @@ class TestBody:
         where: BodyMap = body_map(model, go1)
         rng = np.random.default_rng(0)
         sample = draw(load_randomisation(), lambda k: rng.random(k).astype(np.float32), 12, 13)
-        ours = randomised_fields(model, sample, where)
-        theirs = randomised_fields(mjx.put_model(model), sample, where)
-        assert set(ours) == set(theirs) == {
+        in_numpy = randomised_fields(model, sample, where)
+        in_jax = randomised_fields(mjx.put_model(model), sample, where)
+        assert set(in_numpy) == set(in_jax) == {
             "body_mass", "body_inertia", "body_ipos", "dof_armature", "geom_friction",
         }  # fmt: skip
-        for name, value in ours.items():
-            np.testing.assert_allclose(value, theirs[name], rtol=1e-6, atol=1e-8, err_msg=name)
+        for name, value in in_numpy.items():
+            np.testing.assert_allclose(value, in_jax[name], rtol=1e-6, atol=1e-8, err_msg=name)
 
 
 LEVEL = {
@@ -91,7 +91,7 @@ LEVEL = {
 
 
 class TestEveryField:
-    """Each effect on values that all differ, worked out with plain NumPy."""
+    """Each effect on values that all differ, computed with plain NumPy."""
 
     def test_effects_on_the_model_equal_plain_numpy(self, go1: Robot) -> None:
         model, rng = plant_model(go1), np.random.default_rng(1)

@@ -76,12 +76,12 @@ def test_numpy_and_jax_agree() -> None:
     errors = HeightScanErrors(0.02, 0.03, 0.01, 0.05, (0.01, 0.1), 0.3, 0.3, 5.0, 0.2)
     noise = np.random.default_rng(0).random((2, POINTS))
     for u in episodes(4, 30):
-        ours, theirs = draw_errors(errors, u), draw_errors(errors, jnp.asarray(u))
-        for one, other in zip(ours, theirs, strict=True):
+        in_numpy, in_jax = draw_errors(errors, u), draw_errors(errors, jnp.asarray(u))
+        for one, other in zip(in_numpy, in_jax, strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-8)
-        theirs_seen = with_errors(jnp.asarray(HEIGHTS), errors, theirs, jnp.float32(3.0), jnp.asarray(noise))
+        seen_in_jax = with_errors(jnp.asarray(HEIGHTS), errors, in_jax, jnp.float32(3.0), jnp.asarray(noise))
         np.testing.assert_allclose(
-            with_errors(HEIGHTS, errors, ours, np.float64(3.0), noise), theirs_seen, atol=1e-6
+            with_errors(HEIGHTS, errors, in_numpy, np.float64(3.0), noise), seen_in_jax, atol=1e-6
         )
 
 

@@ -65,7 +65,7 @@ def test_a_malformed_file_is_refused_in_one_line(own_folder: Path) -> None:
 def test_the_scenario_draws_from_its_ranges_with_the_same_random_numbers(
     own_folder: Path, text: str | None
 ) -> None:
-    """Numbers 0 to 14 are of the friction, 13 bodies' masses and the payload."""
+    """Numbers 0 to 14 belong to the friction, the masses of 13 bodies and the payload."""
     robot = load_robot(own_folder) if text is None else own_robot(own_folder, text)
     plan = randomised_plan(robot)
     numbers = np.random.default_rng(plan.seed).random(1000)

@@ -14,7 +14,7 @@ from footfall.envs.state import Step
 
 @pytest.mark.parametrize("on_host", [False, True])
 def test_episodes_side_by_side_are_independent(on_host: bool) -> None:
-    """Three different episodes; the second ends by a fall and the third by the time limit."""
+    """Three episodes differ: the second ends by a fall, the third by the time limit."""
 
     def step(state: Any, action: jax.Array) -> tuple[Any, Step]:
         state = state._replace(steps=state.steps + 1, key=state.key + 100)

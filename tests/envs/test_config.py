@@ -1,4 +1,4 @@
-"""Settings of the environment: refused ones, ones at their limits, and older forms."""
+"""Settings of the environment: refused values, values at their limits, and older forms."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -157,7 +157,7 @@ def test_each_robot_may_have_gravity_of_its_own() -> None:
 
 @pytest.mark.parametrize(("name", "height"), [("go1", 0.06), ("go1", -0.04)])
 def test_each_foot_may_touch_the_edge_of_another_level(name: str, height: float) -> None:
-    """A step up or down, which in MuJoCo is a box on a floor.
+    """The ground has a step up or down, which in MuJoCo is a box on a floor.
 
     If a foot's centre is deep inside the box, MuJoCo's floor pushes it as well.
     """

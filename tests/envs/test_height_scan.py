@@ -1,6 +1,6 @@
-"""Height scans in training: equal to the simulated robot's at the same position.
+"""Height scans in training equal the simulated robot's at the same position.
 
-Delayed, at their own rate.
+Scans are delayed and have their own rate.
 """
 
 from dataclasses import replace
@@ -57,10 +57,10 @@ def test_training_and_the_simulated_robot_have_the_same_scans(
         pose = qpos[:3], qpos[3:7]
         plant = SimulatedScanner(SCAN, HeightScanErrors(), ground, lambda pose=pose: pose, 0).newest(0)
         assert plant is not None
-        ours = seen[-SCAN.size - 1 : -1] / 2.0
-        same = np.abs(ours - np.clip(plant.heights, -1.0, 0.5)) < 1e-4
+        observed = seen[-SCAN.size - 1 : -1] / 2.0
+        same = np.abs(observed - np.clip(plant.heights, -1.0, 0.5)) < 1e-4
         assert same.mean() > 0.97  # in single precision a point may be on the other side of an edge
-        assert np.ptp(ours) > 0.1
+        assert np.ptp(observed) > 0.1
 
 
 def test_the_critic_sees_the_exact_scan(

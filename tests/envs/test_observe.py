@@ -57,7 +57,10 @@ class TestObserver:
             self.make(Noise(), **{name: 0.1})
 
     def test_noise_is_added_after_bias_and_gravity_is_a_unit_vector_after_both(self) -> None:
-        """A bias of 0.75 on (0, 0, -1) is the direction of (3, 3, -1); noise shifts that, not the raw one."""
+        """A bias of 0.75 on (0, 0, -1) gives the direction (3, 3, -1).
+
+        Noise shifts this direction, not the raw one.
+        """
         observer, env = self.make(Noise(gravity=0.1, gyro=0.5), gravity_bias=0.75, gyro_bias=0.2)
         state, _ = env.reset(jax.random.PRNGKey(0))
         level = jnp.concatenate([jnp.zeros(5), jnp.array([-1.0]), jnp.zeros(24)])

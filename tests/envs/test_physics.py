@@ -66,9 +66,9 @@ def worst(one: jax.Array, two: jax.Array) -> float:
 
 @IN_C
 def test_a_control_step_in_c_equals_mjx(begun: State, step) -> None:
-    """Equal within rounding, from many states of a walk: MJX calculates in single precision, C in double.
+    """The steps are equal within rounding for many states of a walk: MJX has single precision, C double.
 
-    With motors that have every optional effect.
+    The motors have every optional effect.
     """
     model = training_model(ROBOT, SMOKE.timestep_s)
     model.opt.iterations, model.opt.ls_iterations = 20, 50

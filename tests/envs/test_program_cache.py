@@ -136,7 +136,7 @@ def test_a_changed_source_makes_another_program(
 def test_no_program_is_kept_if_a_source_changed_after_its_import(
     cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Otherwise the old program would be stored under the new source text."""
+    """If kept, the old program would be stored under the new source text."""
     source = tmp_path / "source" / "envs" / "locomotion.py"
     source.parent.mkdir(parents=True)
     source.write_text("new")

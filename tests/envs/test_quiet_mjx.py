@@ -1,4 +1,4 @@
-"""An imported library prints nothing on stdout; the workaround for MJX goes when MJX agrees."""
+"""An imported library prints nothing on stdout; the workaround for MJX is obsolete when MJX does so, too."""
 
 import subprocess
 import sys

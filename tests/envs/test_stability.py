@@ -62,7 +62,7 @@ def slowest_of_family(family: Randomisation, robot: Robot, timestep_s: float, dr
 )
 @pytest.mark.parametrize("name", available_robots())
 def test_every_robot_is_stable_at_every_presets_step(name: str, timestep_s: float) -> None:
-    """Below -1 speeds grow; -0.5 leaves a margin."""
+    """Below -1 speeds grow, so the limit of -0.5 leaves a margin."""
     robot = load_robot(name)
     family = load_preset("gpu", robot).env.randomisation
     assert slowest_of_family(family, robot, timestep_s, 150) > -0.5
@@ -101,7 +101,7 @@ def trained(robot: Robot, goal: Goal, timestep_s: float = TRAINING_TIMESTEP_S) -
 
 
 def acted(robot: Robot, goal: Goal, timestep_s: float = 1e-4) -> np.ndarray:
-    """The same on the plant, whose steps are short and explicit."""
+    """Joint positions on the plant, whose steps are short and explicit."""
     plant = read_plant(robot)
     model, motor = plant.model, plant.motor
     model.opt.timestep = timestep_s

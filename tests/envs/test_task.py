@@ -1,4 +1,4 @@
-"""Tasks made of terms: how entries of a configuration become terms, and terms of a user's own."""
+"""Tasks made of terms: from entries of a configuration to terms, and a user's own terms."""
 
 import sys
 from collections.abc import Iterator

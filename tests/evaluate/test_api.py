@@ -1,4 +1,4 @@
-"""Requests to the API: those that are refused, and names of policies. No episode is run here."""
+"""Requests to the API: refusals, and names of policies. No episode is run here."""
 
 from dataclasses import replace
 from pathlib import Path

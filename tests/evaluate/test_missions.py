@@ -67,7 +67,7 @@ class FinishedMission:
 
 
 def turned(trace: Trace, yaw_rad: float) -> Trace:
-    """The same walk in rotated world axes."""
+    """A walk in rotated world axes."""
     cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
     quaternion = np.tile([np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)], (len(trace.time_s), 1))
     turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

@@ -113,12 +113,12 @@ class TestCommandsOfARobot:
             "         script: [{at_s: 0, forward_m_s: 0.07, yaw_share: -1}]}\n"
             "  push: {episodes: 3}\n"
         )
-        ours, file = load_scenarios(self.OTHER), load_scenarios(self.OTHER, path)
+        shipped, file = load_scenarios(self.OTHER), load_scenarios(self.OTHER, path)
         (waypoint,) = file.scenarios["slow"].script
         assert (waypoint.forward_m_s, waypoint.yaw_rad_s) == (0.07, -0.5)
-        assert file.scenarios["push"] == replace(ours.scenarios["push"], episodes=3)
-        assert file.noise == ours.noise
-        assert list(file.scenarios) == [*ours.scenarios, "slow"]
+        assert file.scenarios["push"] == replace(shipped.scenarios["push"], episodes=3)
+        assert file.noise == shipped.noise
+        assert list(file.scenarios) == [*shipped.scenarios, "slow"]
 
 
 class TestPlans:

@@ -14,15 +14,15 @@ from footfall.evaluate.statistics import bootstrap_mean_interval, fit_survival, 
 class TestWilsonInterval:
     @pytest.mark.parametrize(("successes", "trials"), [(0, 1), (1, 7), (12, 24), (96, 96), (499, 500)])
     def test_the_wilson_interval_equals_scipys(self, successes: int, trials: int) -> None:
-        theirs = scipy.stats.binomtest(successes, trials).proportion_ci(method="wilson")
-        assert wilson_interval(successes, trials) == pytest.approx((theirs.low, theirs.high))
+        by_scipy = scipy.stats.binomtest(successes, trials).proportion_ci(method="wilson")
+        assert wilson_interval(successes, trials) == pytest.approx((by_scipy.low, by_scipy.high))
 
 
 class TestBootstrap:
     def test_the_bootstrap_interval_equals_scipys_for_weighted_episodes(self) -> None:
         rng = np.random.default_rng(4)
         values, weights = rng.normal(size=60), rng.uniform(1.0, 20.0, 60)
-        theirs = scipy.stats.bootstrap(
+        by_scipy = scipy.stats.bootstrap(
             (values, weights),
             lambda value, weight, axis: (value * weight).sum(axis=axis) / weight.sum(axis=axis),
             paired=True,
@@ -30,7 +30,7 @@ class TestBootstrap:
             rng=rng,
         ).confidence_interval
         assert bootstrap_mean_interval(values, weights) == pytest.approx(
-            (theirs.low, theirs.high), abs=0.1 * (theirs.high - theirs.low)
+            (by_scipy.low, by_scipy.high), abs=0.1 * (by_scipy.high - by_scipy.low)
         )
 
     def test_the_interval_of_equal_values_is_that_value(self) -> None:

@@ -1,4 +1,4 @@
-"""What an evaluation runs: tasks, episodes and figures. No episode is run here."""
+"""Tasks, episodes and figures of an evaluation. No episode is run here."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -73,7 +73,7 @@ class TestSummary:
     def test_each_mean_and_its_interval_are_of_its_own_values_and_weights(
         self, name: str, values: str | Callable, weights: Callable, root: bool
     ) -> None:
-        """Episodes that differ in every number: another column, weight or seed would give other figures."""
+        """The episodes differ in every number, so another column, weight or seed would give other figures."""
         rng = np.random.default_rng(8)
         numbers = [name for name, value in vars(GOOD).items() if isinstance(value, float)]
         drawn: list[dict[str, Any]] = [{n: float(rng.uniform(1.0, 3.0)) for n in numbers} for _ in range(9)]

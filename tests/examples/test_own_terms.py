@@ -1,4 +1,4 @@
-"""The examples of terms of one's own: a reward with a state, an observation term, a task."""
+"""The examples of own terms: a reward with a state, an observation term, a task."""
 
 import json
 from types import SimpleNamespace

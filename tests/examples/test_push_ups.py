@@ -1,4 +1,4 @@
-"""The example of a controller of the user's own."""
+"""The example of a user's own controller."""
 
 import json
 

@@ -228,7 +228,7 @@ def test_missing_can_interfaces_are_refused(shell: Shell) -> None:
 
 
 def test_the_policy_of_another_robot_is_refused(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
-    """A policy names the field of its contract that does not fit."""
+    """The message names the field of the contract that does not fit."""
     onnx = pytest.importorskip("onnx")
     from tiny_policy import write_policy
 

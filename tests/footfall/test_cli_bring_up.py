@@ -1,4 +1,4 @@
-"""Arguments and resources that `footfall bring-up` passes to its steps; no step is run."""
+"""Arguments and resources that `footfall bring-up` passes to its steps. No step is run."""
 
 import json
 from pathlib import Path

@@ -46,7 +46,10 @@ class Turns:
         assert self._passed.acquire(timeout=60.0), "the simulated robot does not run"
 
     def live(self, us: int) -> None:
-        """The robot's time has advanced by this; it waits for a request, and is slow without one."""
+        """Whether the robot's time has advanced by this much.
+
+        It waits for a request, and is slow without one.
+        """
         if self._left_us > 0:
             self._left_us -= us
             if self._left_us > 0:

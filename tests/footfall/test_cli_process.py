@@ -65,7 +65,7 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
-    """The robot lies down, its motors are switched off, and the figures are written."""
+    """The robot lies down, its motors are disabled, and the figures are written."""
     figures = tmp_path / "a.json"
     command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", written(tmp_path)]
     process = subprocess.Popen(

@@ -24,11 +24,11 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 def test_each_shipped_robot_has_its_environments() -> None:
     ids = {"g1": "G1", "go1": "Go1", "hexapod": "Hexapod"}
     assert set(ids) == set(available_robots())
-    ours = {name: spec for name, spec in gymnasium.registry.items() if name.startswith("footfall/")}
-    assert {name: spec.kwargs for name, spec in ours.items()} == {
+    registered = {name: spec for name, spec in gymnasium.registry.items() if name.startswith("footfall/")}
+    assert {name: spec.kwargs for name, spec in registered.items()} == {
         f"footfall/{title}Velocity-v0": {"robot": robot} for robot, title in ids.items()
     }
-    for spec in ours.values():
+    for spec in registered.values():
         assert spec.entry_point == "footfall.gym:make_single"
         assert spec.vector_entry_point == "footfall.gym:make_vector"
 

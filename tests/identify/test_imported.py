@@ -33,7 +33,7 @@ Pair = tuple[Recording, Path]
 def pair(stiff_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Pair:
     """A recording of a robot with too much friction, and the same as another program's CSV file."""
     own = read_recording(stiff_log, ROBOT)
-    path = tmp_path_factory.mktemp("recording") / "theirs.csv"
+    path = tmp_path_factory.mktemp("recording") / "converted.csv"
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["t", *(f"{part}_{name}" for part in PARTS for name in JOINTS)])
@@ -45,28 +45,28 @@ def pair(stiff_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Pair:
 def imported(shell: Shell, pair: Pair, folder: Path, **changes: Any) -> Recording:
     """The CSV file, read through a map with changes."""
     assert shell(*import_command(pair, folder, **changes)).status == 0
-    return read_recording(folder / "theirs.mcap", ROBOT)
+    return read_recording(folder / "converted.mcap", ROBOT)
 
 
 def import_command(pair: Pair, folder: Path, **changes: Any) -> list[str | Path]:
     map_file = folder / "map.yaml"
     map_file.write_text(yaml.safe_dump({**MAP, **changes}))
-    return ["log", "import", pair[1], "--map", map_file, "--robot", "go1", "--out", folder / "theirs.mcap"]
+    return ["log", "import", pair[1], "--map", map_file, "--robot", "go1", "--out", folder / "converted.mcap"]
 
 
 def test_a_file_of_another_program_is_read_and_compared_like_a_log(
     shell: Shell, pair: Pair, tmp_path: Path
 ) -> None:
-    own, theirs = pair[0], imported(shell, pair, tmp_path)
-    assert theirs.command == pytest.approx(own.command)
-    assert theirs.position == pytest.approx(own.position)
-    assert theirs.time_s - theirs.time_s[0] == pytest.approx(own.time_s - own.time_s[0], abs=2e-6)
-    assert np.isnan(theirs.torque).all()  # unknown, not a reading of zero
-    assert shell("log", "compare", tmp_path / "theirs.mcap", "--json", tmp_path / "gap.json").status == 1
+    own, converted = pair[0], imported(shell, pair, tmp_path)
+    assert converted.command == pytest.approx(own.command)
+    assert converted.position == pytest.approx(own.position)
+    assert converted.time_s - converted.time_s[0] == pytest.approx(own.time_s - own.time_s[0], abs=2e-6)
+    assert np.isnan(converted.torque).all()  # unknown, not a reading of zero
+    assert shell("log", "compare", tmp_path / "converted.mcap", "--json", tmp_path / "gap.json").status == 1
     for gap in json.loads((tmp_path / "gap.json").read_text()).values():
         assert gap["error_mrad"] > 2.0 * gap["noise_mrad"]
         assert max(gap["explains"], key=gap["explains"].__getitem__) == "joint_friction", gap
-    assert shell("log", "info", tmp_path / "theirs.mcap").status == 0
+    assert shell("log", "info", tmp_path / "converted.mcap").status == 0
 
 
 def test_a_gain_may_be_a_number_for_all_joints(shell: Shell, pair: Pair, tmp_path: Path) -> None:
@@ -95,10 +95,10 @@ def test_incomplete_commands_are_refused(
 
 
 def test_one_wrong_reading_is_not_noise(pair: Pair, tmp_path: Path, shell: Shell) -> None:
-    """Otherwise the noise would be so large that every error of the model is small against it."""
+    """If it counted as noise, every error of the model would be small in comparison."""
     lines = pair[1].read_text().splitlines()
     cells = lines[200].split(",")
     cells[3] = "6.4"  # a full turn more
-    (tmp_path / "theirs.csv").write_text("\n".join([*lines[:200], ",".join(cells), *lines[201:]]))
-    assert shell(*import_command((pair[0], tmp_path / "theirs.csv"), tmp_path)).status == 0
-    assert JOINTS[2] in shell.refuses("log", "compare", tmp_path / "theirs.mcap")
+    (tmp_path / "converted.csv").write_text("\n".join([*lines[:200], ",".join(cells), *lines[201:]]))
+    assert shell(*import_command((pair[0], tmp_path / "converted.csv"), tmp_path)).status == 0
+    assert JOINTS[2] in shell.refuses("log", "compare", tmp_path / "converted.mcap")

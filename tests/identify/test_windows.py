@@ -50,7 +50,7 @@ def test_windows_without_readings_are_refused() -> None:
 
 @pytest.mark.parametrize("moving", [1.0, 0.1, 0.0])
 def test_a_joint_that_rests_has_the_rounding_error_of_its_readings(moving: float) -> None:
-    """Too little noise makes any model a misfit."""
+    """With too small a noise every model would be a misfit."""
     time_s, step_rad = np.arange(0.0, 7.0, 0.002), 4e-4
     angles = np.sin(5.0 * np.stack([time_s, np.minimum(time_s, 7.0 * moving)], axis=1))
     noise = replace(recording(time_s), position=step_rad * np.round(angles / step_rad)).position_noise_rad

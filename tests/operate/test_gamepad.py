@@ -1,4 +1,4 @@
-"""A gamepad steers while its dead-man button is pressed; an unplugged one sends nothing."""
+"""A gamepad steers while its dead-man button is pressed; an unplugged gamepad sends nothing."""
 
 import os
 import struct

@@ -1,4 +1,4 @@
-"""Height scans by UDP: only those of holders of the token, only newer ones, with their age."""
+"""Height scans by UDP: accepted from holders of the token and if newer; their age counts."""
 
 import math
 import socket

@@ -1,4 +1,4 @@
-"""What `--from` accepts as a source, as its settings, and as a mission."""
+"""Sources, settings and missions that `--from` accepts."""
 
 import pytest
 

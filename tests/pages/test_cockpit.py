@@ -43,7 +43,7 @@ def served(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sim
 
 
 class Visitor:
-    """A program that sends what the page sends."""
+    """A program that sends the same messages as the page."""
 
     def __init__(self, served: SimpleNamespace, token: str | None = None, origin: str | None = None) -> None:
         address = f"ws://localhost:{served.port}/steer?token={served.token if token is None else token}"

@@ -1,4 +1,4 @@
-"""What the 3-D view shows: bodies, arrows, camera."""
+"""Contents of the 3-D view: bodies, arrows, camera."""
 
 from collections.abc import Iterator
 from typing import Any

@@ -15,7 +15,7 @@ from footfall.robots.description import Robot
 
 
 def test_a_guards_thread_and_the_loops_take_turns() -> None:
-    """Otherwise both would step one simulation at once."""
+    """Without turns, both would step one simulation at once."""
     inside, at_once = [0], [0]
 
     def act(*_: object) -> list[Frames]:

@@ -68,11 +68,11 @@ def test_a_robot_in_the_air_moves_as_in_mujoco(name: str, other_engine: str) -> 
         data.qfrc_applied[6:] = rng.uniform(-0.5, 0.5, model.nv - 6)
         data.xfrc_applied[plant.base] = 10.0, -5.0, 8.0, 1.0, -1.0, 0.5
 
-    ours, other = (moved(model, engine, start, 20) for engine in ("mujoco", other_engine))
-    np.testing.assert_allclose(other.qpos, ours.qpos, atol=1e-5)
-    np.testing.assert_allclose(other.qvel, ours.qvel, atol=3e-4)
-    mujoco.mj_forward(model, ours)
-    np.testing.assert_allclose(other.sensordata[:3], ours.sensordata[:3], atol=0.5)
+    by_mujoco, by_other = (moved(model, engine, start, 20) for engine in ("mujoco", other_engine))
+    np.testing.assert_allclose(by_other.qpos, by_mujoco.qpos, atol=1e-5)
+    np.testing.assert_allclose(by_other.qvel, by_mujoco.qvel, atol=3e-4)
+    mujoco.mj_forward(model, by_mujoco)
+    np.testing.assert_allclose(by_other.sensordata[:3], by_mujoco.sensordata[:3], atol=0.5)
 
 
 @pytest.mark.parametrize(
@@ -133,9 +133,9 @@ def test_a_controller_walks_over_the_bus_as_far_as_in_mujoco(go1: Robot, other_e
         )
         for engine in ("mujoco", other_engine)
     }
-    ours, other = traces["mujoco"], traces[other_engine]
-    assert not other.fell
-    assert other.distance_m == pytest.approx(ours.distance_m, rel=0.15)
-    assert other.distance_m != ours.distance_m
+    by_mujoco, by_other = traces["mujoco"], traces[other_engine]
+    assert not by_other.fell
+    assert by_other.distance_m == pytest.approx(by_mujoco.distance_m, rel=0.15)
+    assert by_other.distance_m != by_mujoco.distance_m
     weight = 9.81 * read_plant(go1).model.body_mass.sum()
-    assert other.foot_force.sum(axis=1).mean() == pytest.approx(weight, rel=0.1)
+    assert by_other.foot_force.sum(axis=1).mean() == pytest.approx(weight, rel=0.1)

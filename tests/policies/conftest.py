@@ -1,4 +1,4 @@
-"""What several tests of policies share."""
+"""Fixtures that several tests of policies share."""
 
 from collections.abc import Callable
 

@@ -26,7 +26,7 @@ def robots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
 
 
 def at_rest(robot: Robot, roll: float = 0.0) -> Sensed:
-    """Standing in the default pose, its legs carrying an even share of 40 N each."""
+    """Inputs of a robot in its default pose whose legs carry 40 N each."""
     legs = robot.legs
     force = np.tile([0.0, 0.0, 40.0], (legs.count, 1))
     load = legs.scatter(legs.torque(legs.pose(robot.default_pose).jacobian, force), np.zeros_like(robot.kp))

@@ -38,7 +38,7 @@ def test_the_centre_of_mass_is_above_the_centre_of_pressure() -> None:
 
 
 def test_an_accelerating_body_is_not_at_rest_above_its_feet() -> None:
-    """A push forward by the feet: the pressure lies behind the centre."""
+    """The feet push the body forward, so the pressure is behind the centre."""
     dynamics, torque = at_rest(standing(BODY, G1).centre[:2] - np.array([0.02, 0.0]))
     found, rate = CentreOffset(BODY.weight_n, 3.9, 500.0), 3.9**2 * 0.02 / 500.0
     for tick in range(500):

@@ -63,7 +63,7 @@ class TestCentre:
         return policy._centre(dynamics, height)  # type: ignore[arg-type]
 
     def test_the_pressure_lies_beyond_the_capture_point_within_its_limit(self, policy: Balance) -> None:
-        """x = c + v / w, p = 1.5 x but at most 0.2 m, and the acceleration is w^2 (c - p)."""
+        """Capture point x = c + v / w, pressure p = 1.5 x up to 0.2 m, and acceleration w^2 (c - p)."""
         rate = math.sqrt(9.81 / policy.com_height_m)
         capture = np.array([0.02 + 0.1 / rate, -0.01 - 0.05 / rate])
         expected = rate**2 * (np.array([0.02, -0.01]) - 1.5 * capture)
@@ -76,7 +76,7 @@ class TestCentre:
 
 class TestAct:
     def test_it_turns_a_tilted_base_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
-        """For a roll of 0.02 rad, a pitch of -0.03 rad and a rotation: -100 tilt - 20 rate."""
+        """The acceleration is -100 tilt - 20 rate; roll is 0.02 rad, pitch -0.03 rad."""
         tilted = seen(turn=Rotation.from_rotvec([0.02, -0.03, 0.0]), gyro=(0.1, 0.2, -0.3))
         *_, desired, _ = whole_body_arguments(policy, monkeypatch, tilted)
         np.testing.assert_allclose(desired.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)

@@ -1,4 +1,4 @@
-"""The velocity command is limited in acceleration, and small ones mean stand."""
+"""The velocity command is limited in acceleration; a small command means to stand."""
 
 import numpy as np
 

@@ -26,7 +26,7 @@ WAVE = np.arange(6) / 6
 
 class TestSchedule:
     def test_trust_rises_and_falls_over_the_edges_of_the_stance(self) -> None:
-        """Of a stance of 0.8 cycles, a tenth is 0.08: half of the trust is there after 0.04."""
+        """A tenth of a stance of 0.8 cycles is 0.08 cycles, so trust is one half after 0.04."""
         trust = contact_trust(np.array([0.02, 0.04, 0.08, 0.72, 0.76, 0.78]), duty=0.8, edge=0.1)
         np.testing.assert_allclose(trust, [0.25, 0.5, 1.0, 1.0, 0.5, 0.25])
         trust = contact_trust(np.array([0.0, 0.25, 0.5, 0.8]), duty=0.5, edge=0.2)

@@ -74,7 +74,7 @@ def step_by_step(state: BodyState, forces: np.ndarray, feet: np.ndarray) -> list
 class TestProblem:
     @pytest.mark.parametrize("seed", range(5))
     def test_the_condensed_cost_is_the_cost_of_the_simulated_states(self, seed: int) -> None:
-        """Up to a constant: differences of cost between force plans agree with step-by-step integration."""
+        """Differences of cost between force plans agree with step-by-step integration."""
         situation = random_situation(seed)
         state, reference, contacts, feet, before = situation
         problem = PROBLEMS.build(*situation)
@@ -147,7 +147,7 @@ class TestSolver:
 
     @pytest.mark.parametrize("daqp_iterations", [0, 100], ids=["fallback", "daqp"])
     def test_bounds_hold_on_both_sides(self, daqp_iterations: int) -> None:
-        """x near (-1, -2, 9) and x0 from 1, x1 up to 5, x2 up to 4, x0 + x1 from 1.5, x2 - x1 up to 3."""
+        """The bounds are x0 from 1, x1 up to 5, x2 up to 4, x0 + x1 from 1.5, x2 - x1 up to 3."""
         near = np.array([-1.0, -2.0, 9.0])
         problem = SimpleNamespace(
             hessian=np.eye(3),

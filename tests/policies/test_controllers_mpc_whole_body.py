@@ -30,7 +30,7 @@ def hold(command: tuple[float, float, float], _: float) -> np.ndarray:
 
 
 def moving(time_s: float = 0.0, command: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PolicyInput:
-    """Tilted, in the default pose, base and joints in motion."""
+    """Inputs of a tilted robot in its default pose, with base and joints in motion."""
     return policy_input(ROBOT, time_s, command, VELOCITY, 0.26, turn=TILTED, gyro=GYRO, velocity=RATES)
 
 
@@ -60,7 +60,7 @@ def recorded(policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch) -> list[Call
 
 
 def test_the_body_moves_as_forces_move_it(policy: MpcWholeBody, recorded: list[Call]) -> None:
-    """Newton's and Euler's equations of the rigid body that the plan is made for."""
+    """The motion fulfils Newton's and Euler's equations of the rigid body that the plan is made for."""
     policy.reset(moving())
     policy.act(moving())
     dynamics, desired, max_force = recorded[0]

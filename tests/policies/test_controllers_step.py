@@ -147,7 +147,7 @@ class TestWanted:
         assert policy.footwork.phase is Phase.SHIFT
 
     def test_the_pressure_stays_within_its_limit_from_the_middle(self, policy: Step) -> None:
-        """Three times (0.09, 0.12) m would be 0.45 m: 0.2 m in that direction."""
+        """Three times (0.09, 0.12) m would be 0.45 m, so the pressure is 0.2 m in that direction."""
         found = policy.footwork.both_press(moment(), capture_at(0.09, 0.12), MIDDLE[:2])
         np.testing.assert_allclose(found, MIDDLE[:2] + world(0.12, 0.16))
 
@@ -175,7 +175,7 @@ def test_a_command_or_a_capture_point_far_from_the_middle_calls_for_a_step() -> 
 def test_a_foot_is_lifted_once_the_weight_is_near_the_other_or_it_is_urgent(
     footwork: Footwork, bears: int
 ) -> None:
-    """Distance of the capture point from the bearing foot's side, and how far it is ahead."""
+    """The cases are distances of the capture point from the bearing foot's side, and ahead of it."""
     for short, ahead, elapsed_s, lifts in (
         (0.019, 0.0, 0.5, True),
         (0.021, 0.0, 0.5, False),
@@ -196,7 +196,7 @@ def test_a_foot_is_lifted_once_the_weight_is_near_the_other_or_it_is_urgent(
 
 
 def test_a_landing_ends_the_walk_or_begins_the_next_step() -> None:
-    """Capture point and how far ahead the feet are, along the axes of the foot that has landed."""
+    """The cases are capture points and feet's positions ahead, along the axes of the foot that has landed."""
     for centre, ahead, walk, stands in (
         ((0.0, 0.0), (0.0, 0.0), False, True),
         ((0.0, 0.0), (0.0, 0.0), True, False),
@@ -224,7 +224,7 @@ def test_a_landing_ends_the_walk_or_begins_the_next_step() -> None:
 
 
 def test_a_pressure_under_the_sole_removes_the_error_until_landing(footwork: Footwork) -> None:
-    """Now it is (1 + 2) times the distance of the capture point, but within the sole."""
+    """The pressure is (1 + 2) times the distance of the capture point, but within the sole."""
     rate = footwork.fall_rate
     step = nominal_step(np.zeros(2), -1.0, 0.2, 0.6, 0.1, rate)
     end = step.foothold + step.offset

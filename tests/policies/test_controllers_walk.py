@@ -83,7 +83,7 @@ class TestGaits:
     def test_a_slow_walk_stays_on_its_feet(self) -> None:
         """Without sway, at 2 s per cycle, the body would tip towards the foot in the air.
 
-        It walks backwards, which is harder for this order of the feet.
+        The robot walks backwards, which is harder for this order of the feet.
         """
         config = controller_settings(ROBOT, "walk", WalkConfig)
         policy = Generator(ROBOT, "walk", replace(config, gait=GaitConfig("walk", 2.0)))
@@ -103,7 +103,10 @@ class TestGaits:
         assert note.endswith("a shorter gait.period_s, a larger gait.duty or more stance.sway would help")
 
     def test_it_changes_its_gait_and_its_steps_while_it_walks(self) -> None:
-        """Every second it gets another gait and other steps, at any phase; it neither falls nor stops."""
+        """Every second the controller gets another gait and other steps, at any phase.
+
+        The robot neither falls nor stops.
+        """
         policy = Generator(ROBOT, "trot")
         step = controller_settings(ROBOT, "trot", WalkConfig).step
         others = {

@@ -33,7 +33,7 @@ def make() -> Walk:
 def seen(
     time_s: float = 0.0, command: Any = (0.0, 0.0, 0.0), roll: float = 0.0, yaw: float = 0.0, **more: Any
 ) -> PolicyInput:
-    """Turned about one axis; legs in the default pose and motors without torque unless given otherwise."""
+    """Inputs of a robot turned about one axis, by default with legs in the default pose and no torque."""
     turn = Rotation.from_rotvec([roll, 0.0, yaw])
     return policy_input(ROBOT, time_s, command, turn=turn, base_height=0.28, **more)
 
@@ -69,8 +69,10 @@ def test_a_robot_moves_to_its_stance_before_it_follows_a_command() -> None:
 def test_the_point_under_each_standing_foot_moves_with_the_ground(
     command: tuple[float, float, float],
 ) -> None:
-    """Back under a base that moves by v + w x r. A foot is a sphere that rolls: as its shank turns, the point
-    under it goes farther than its centre. The motion is computed with MuJoCo's Jacobians, in mid-stance.
+    """Standing feet move back under a base that moves by v + w x r.
+
+    A foot is a sphere that rolls: as its shank turns, the point under it goes farther than its centre. The
+    motion is computed with MuJoCo's Jacobians, in mid-stance.
     """
     policy = make()
     policy.reset(seen())
@@ -182,7 +184,7 @@ class TestTempo:
     """Advance of the gait's clock in each tick, relative to that at full speed."""
 
     def tempos(self, monkeypatch: pytest.MonkeyPatch, *phases: tuple[float, float]) -> np.ndarray:
-        """Of walks ahead, 0.6 s each, at commanded speeds that allow certain tempos: (phases, ticks)."""
+        """Tempos (phases, ticks) of walks ahead for 0.6 s, at speeds that allow certain tempos."""
         policy, allowed = make(), {round(speed, 6): tempo for speed, tempo in phases}
         monkeypatch.setattr(
             WalkLimits, "pace", lambda _, walk: Pace(tempo=allowed[round(walk.velocity[0], 6)])

@@ -222,7 +222,7 @@ class TestWalk:
 
 
 class TestLimits:
-    """Joint speeds of a steady walk of the hexapod, compared with a finely sampled one."""
+    """Joint speeds of a steady walk of the hexapod, compared with a finely sampled walk."""
 
     ROBOT = load_robot("hexapod")
     TIMING = GaitTiming(1.0, 0.65)

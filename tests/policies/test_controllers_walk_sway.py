@@ -24,7 +24,7 @@ def timing(period_s: float, duty: float = DUTY) -> GaitTiming:
 
 
 def test_the_body_sways_to_the_side_with_both_feet_down() -> None:
-    """The middle of three corners is a third of the half width away: a square wave.
+    """The middle of three corners is a third of the half width away, so the ideal sway is a square wave.
 
     The first sine of this sway has 4 / pi of the amplitude.
     """
@@ -52,7 +52,7 @@ def test_the_body_moves_less_in_a_faster_gait(period_s: float, part: float) -> N
 def test_with_the_sway_the_weight_is_well_inside_the_three_feet_that_stand() -> None:
     """At 1/8 the hind left foot is in the air.
 
-    0.0637 sin 45 degrees = 0.045 m to the right, 0.8 of it inside the support.
+    The sway is 0.0637 sin 45 degrees = 0.045 m to the right; 0.8 of it is inside the support.
     """
     pressure = plan_sway(FEET, timing(2.0), OFFSETS, HEIGHT_M, 1.0).pressure
     three = [(x, y) for x, y in FEET[[0, 1, 3]].tolist()]

@@ -63,10 +63,10 @@ def test_a_lost_scan_is_observed_as_zeros(seeing: Contract, nothing: np.ndarray 
 def test_numpy_and_jax_agree(seeing: Contract) -> None:
     heights = np.random.default_rng(0).normal(size=(4, SCAN.size)).astype(np.float32)
     heights[1, :9] = np.nan
-    ours = step_values(Inputs({}, *np.zeros((3, 4, 3), np.float32), heights), seeing)
-    theirs = step_values(Inputs({}, *jnp.zeros((3, 4, 3)), jnp.asarray(heights)), seeing)
-    assert ours.dtype == np.float32
-    np.testing.assert_allclose(ours, theirs, rtol=1e-5)
+    in_numpy = step_values(Inputs({}, *np.zeros((3, 4, 3), np.float32), heights), seeing)
+    in_jax = step_values(Inputs({}, *jnp.zeros((3, 4, 3)), jnp.asarray(heights)), seeing)
+    assert in_numpy.dtype == np.float32
+    np.testing.assert_allclose(in_numpy, in_jax, rtol=1e-5)
 
 
 def test_mirrored_ground_gives_the_mirrored_observation(seeing: Contract) -> None:

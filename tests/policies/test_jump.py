@@ -1,4 +1,4 @@
-"""A jump ahead on command, by the truth of the simulated robot."""
+"""A jump ahead on command, by the simulated robot's ground truth."""
 
 from dataclasses import replace
 

@@ -51,15 +51,15 @@ def history(inputs: list[Inputs], contract: Contract, xp) -> object:
 def test_numpy_and_jax_agree_on_observation_and_target(contract: Contract, shape: tuple[int, ...]) -> None:
     rng = np.random.default_rng(1)
     inputs = [random_inputs(rng, shape) for _ in range(STEPS)]
-    ours = history(inputs, contract, np)
-    theirs = history(inputs, contract, jnp)
-    assert ours.dtype == np.float32
-    assert ours.shape == (*shape, observation_size(contract))
-    np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=2e-7)
+    in_numpy = history(inputs, contract, np)
+    in_jax = history(inputs, contract, jnp)
+    assert in_numpy.dtype == np.float32
+    assert in_numpy.shape == (*shape, observation_size(contract))
+    np.testing.assert_allclose(in_numpy, in_jax, rtol=2e-6, atol=2e-7)
     action, phase, command = (rng.normal(size=(*shape, k)).astype(np.float32) for k in (12, 1, 3))
-    ours = joint_target(action, phase, command, contract)
-    theirs = joint_target(jnp.asarray(action), jnp.asarray(phase), jnp.asarray(command), contract)
-    np.testing.assert_allclose(ours, theirs, rtol=2e-6, atol=1e-6)
+    in_numpy = joint_target(action, phase, command, contract)
+    in_jax = joint_target(jnp.asarray(action), jnp.asarray(phase), jnp.asarray(command), contract)
+    np.testing.assert_allclose(in_numpy, in_jax, rtol=2e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", TERMS)

@@ -70,7 +70,7 @@ def some_motion(robot: Robot, seed: int) -> Motion:
 
 
 def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData, np.ndarray]:
-    """MuJoCo in the same state without contacts, limits and friction; the indices of our velocities."""
+    """MuJoCo in the same state without contacts, limits and friction, and the velocities' indices."""
     model = load_spec(robot.xml_path).compile()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
@@ -231,7 +231,7 @@ class TestStanding:
 
 
 def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come_to_rest() -> None:
-    """For a robot in motion, where the drift terms matter, with large weights."""
+    """The robot is in motion, so the drift terms matter, and the weights are large."""
     body = BODIES["g1"]
     rng = np.random.default_rng(8)
     spin = Motion(

@@ -81,11 +81,13 @@ def content(wheel: Path) -> set[str]:
 
 
 def test_the_wheel_holds_every_file_of_the_rooms_under_one_name(wheel: Path) -> None:
-    ours = {f"footfall/{path.relative_to(ROOT)}": path for room in ROOMS for path in (ROOT / room).rglob("*")}
-    ours |= {
+    room_files = {
+        f"footfall/{path.relative_to(ROOT)}": path for room in ROOMS for path in (ROOT / room).rglob("*")
+    }
+    room_files |= {
         f"footfall/{path.relative_to(PACKAGE)}": path for path in PACKAGE.rglob("*") if not path.is_symlink()
     }
-    expected = {name for name, path in ours.items() if path.is_file() and path.suffix != ".pyc"}
+    expected = {name for name, path in room_files.items() if path.is_file() and path.suffix != ".pyc"}
     assert len(ROOMS) >= 10
     assert content(wheel) == expected
 

@@ -68,8 +68,8 @@ def test_systemd_accepts_the_units(tmp_path: Path) -> None:
             ["systemd-analyze", "verify", "--man=no", tmp_path / name],
             capture_output=True, text=True, check=False,
         )  # fmt: skip
-        ours = [line for line in done.stderr.splitlines() if "footfall" in line]
-        assert (ours, done.returncode) == ([], 0)
+        complaints = [line for line in done.stderr.splitlines() if "footfall" in line]
+        assert (complaints, done.returncode) == ([], 0)
 
 
 @pytest.mark.skipif(

@@ -37,10 +37,10 @@ def test_numpy_and_jax_agree(go1: Robot) -> None:
     command = JointCommand(*(rng.normal(scale=s, size=(64, 12)) for s in (1, 5, 30, 2, 10)))
     position, velocity = rng.normal(size=(64, 12)), rng.normal(scale=20, size=(64, 12))
     single = jax.tree.map(np.float32, (command, position, velocity, go1.motor))
-    ours = joint_torque(*single)
-    theirs = jax.jit(joint_torque)(*jax.tree.map(jnp.asarray, single))
-    assert ours.dtype == np.float32
-    np.testing.assert_allclose(ours, theirs, rtol=1e-5, atol=2e-5)
+    in_numpy = joint_torque(*single)
+    in_jax = jax.jit(joint_torque)(*jax.tree.map(jnp.asarray, single))
+    assert in_numpy.dtype == np.float32
+    np.testing.assert_allclose(in_numpy, in_jax, rtol=1e-5, atol=2e-5)
 
 
 @given(commands, arrays(-10, 10), arrays(-100, 100))
@@ -55,7 +55,10 @@ def test_friction_acts_against_motion(
 def test_damping_is_the_slope_of_the_torque(
     command: JointCommand, position: np.ndarray, velocity: np.ndarray
 ) -> None:
-    """Where the torque is differentiable: the slope is the same at slightly lower and higher speeds."""
+    """The test is where the torque is differentiable.
+
+    The slope is equal at slightly lower and higher speeds.
+    """
     d = 1e-6
     at = [joint_torque(command, position, velocity + k * d, MOTOR)[0] for k in (-1, 0, 1)]
     slower, faster = at[0] - at[1], at[1] - at[2]
@@ -103,7 +106,7 @@ def test_different_motors_follow_the_law_with_their_own_parameters() -> None:
         rows = rng.normal(size=(7, 200, 3))
         command = JointCommand(rows[0], 4 * rows[1], 20 + 8 * rows[2], 1 + 0.3 * rows[3], 9 * rows[4])
         position, velocity = rows[5], speed_scale * rows[6]
-        ours = [
+        in_numpy = [
             motor_torque(command, position, velocity, DIFFERENT_MOTORS),
             friction_torque(velocity, DIFFERENT_MOTORS),
             joint_damping(command, position, velocity, DIFFERENT_MOTORS),
@@ -111,7 +114,7 @@ def test_different_motors_follow_the_law_with_their_own_parameters() -> None:
         for k in range(200):
             moment = JointCommand(*(part[k] for part in command))
             expected = [by_hand(moment, position[k], velocity[k], joint) for joint in range(3)]
-            np.testing.assert_allclose([part[k] for part in ours], np.transpose(expected), atol=1e-9)
+            np.testing.assert_allclose([part[k] for part in in_numpy], np.transpose(expected), atol=1e-9)
 
 
 def test_targets_by_hand() -> None:

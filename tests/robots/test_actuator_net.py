@@ -57,8 +57,8 @@ def test_a_file_holds_the_net_and_is_not_overwritten(tmp_path: Path) -> None:
     names = ("a", "b", "c")
     save_net(tmp_path / "net.npz", NET, names)
     read = load_net(tmp_path / "net.npz", names)
-    for ours, theirs in zip((*read.layers, *read[1:]), (*NET.layers, *NET[1:]), strict=True):
-        np.testing.assert_array_equal(ours, theirs)
+    for read_part, saved_part in zip((*read.layers, *read[1:]), (*NET.layers, *NET[1:]), strict=True):
+        np.testing.assert_array_equal(read_part, saved_part)
     with pytest.raises(FileExistsError):
         save_net(tmp_path / "net.npz", NET, names)
 

@@ -133,7 +133,7 @@ class TestCommand:
     def test_motors_near_their_limit_are_reported(
         self, changed: Callable[..., Path], capsys: pytest.CaptureFixture[str]
     ) -> None:
-        """Knees with little more torque than the weight requires."""
+        """The knees have little more torque than the weight requires."""
         folder = changed("robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 3.4")
         assert re.search(r"joint \w+_knee needs \d+ % of its peak torque", wrong(folder, capsys, "2"))
 

@@ -206,7 +206,7 @@ def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder
 
 
 def test_a_robot_keeps_the_full_path_of_its_folder(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its files are found even if the working folder changes later."""
+    """The robot's files are found even if the working folder changes later."""
     monkeypatch.chdir(own_folder.parent)
     assert load_robot(own_folder.name).folder == own_folder.resolve()
 

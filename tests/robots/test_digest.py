@@ -121,7 +121,7 @@ def test_feet_count_even_if_they_touch_nothing_in_the_mjcf(own_folder: Path) -> 
 
 
 def test_the_last_bits_do_not_count(go1: Robot) -> None:
-    """Another machine may round them differently."""
+    """Another machine may round the last bits differently."""
     model = load_spec(go1.xml_path).compile()
     model.body_mass[1:] *= 1 + 4e-16
     model.body_ipos[:] += 1e-17

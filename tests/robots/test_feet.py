@@ -30,9 +30,9 @@ def without_a_name(
 def test_a_foot_on_a_link_that_is_fixed_to_the_shin_is_found_by_its_position(go1: Robot) -> None:
     spec = load_spec(go1.xml_path)
     name = go1.description.feet[2].geoms[0]
-    theirs = spec.geom(name)
-    at, size, shin = theirs.pos.copy(), theirs.size.copy(), theirs.parent
-    spec.delete(theirs)
+    named_foot = spec.geom(name)
+    at, size, shin = named_foot.pos.copy(), named_foot.size.copy(), named_foot.parent
+    spec.delete(named_foot)
     toe = shin.add_body(name="toe", pos=at)
     toe.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, contype=1)
     shin.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, contype=1)  # at its upper end: no foot
@@ -49,7 +49,7 @@ def test_a_foot_without_a_name_is_found_among_the_others(go1: Robot) -> None:
 
 
 def test_a_geom_without_collisions_is_no_foot(go1: Robot) -> None:
-    """A visual cap at the expected position of the foot; the foot itself is 1 cm off."""
+    """A visual cap is at the expected position of the foot; the foot itself is 1 cm away."""
 
     def cap(foot: mujoco.MjsGeom) -> None:
         foot.parent.add_geom(type=SPHERE, size=[0.03, 0, 0], pos=foot.pos, contype=0, conaffinity=0)

@@ -57,7 +57,7 @@ def test_a_foot_in_the_air_is_found_at_any_height(robot: Robot, copy: Path, off_
 
 
 def test_the_margin_is_to_the_edge_of_all_corners(looked: Inspection) -> None:
-    """The heels are 0.01 m behind the base's origin, the centre of mass 5.8 mm before it."""
+    """The heels are 0.01 m behind the base's origin; the centre of mass is 5.8 mm ahead of it."""
     assert looked.margin_m == pytest.approx(0.01 + 2 * (0.3 * 0.03 + 0.08 * 0.06) / 4.76)
 
 

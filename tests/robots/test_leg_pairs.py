@@ -60,7 +60,7 @@ def crossed(go1: Robot, hip_rad: float, legs: tuple[int, int]) -> np.ndarray:
 
 @pytest.mark.parametrize(("legs", "names"), [((0, 1), ("FR", "FL")), ((2, 3), ("RR", "RL"))])
 def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], names: tuple[str, str]) -> None:
-    """Both start to touch at the distance of a shank's and a foot's radius, 12 mm and 23 mm."""
+    """Two legs start to touch at the distance of a shank's and a foot's radius, 12 mm and 23 mm."""
     model = training_model(go1)
     expected = {f"{name}_shank" for name in names}
     met = []

@@ -20,7 +20,7 @@ from footfall.robots.actuator import (
 
 @pytest.mark.parametrize("step_s", [0.0005, 0.005, 0.02])
 def test_a_lag_is_exact_for_steps_of_any_length(step_s: float) -> None:
-    """f(t) = u + (f(0) - u) exp(-t / T), and the impulse of the steps is its integral."""
+    """The lag is f(t) = u + (f(0) - u) exp(-t / T), and the impulse of the steps is its integral."""
     lag_s, demand, first, end_s = 0.004, 7.0, -3.0, 0.02
     lag, torque, impulse = lag_over(np.array([lag_s]), step_s), np.array([first]), 0.0
     for _ in range(round(end_s / step_s)):
@@ -55,7 +55,7 @@ def test_stribeck_friction_falls_to_half_at_its_speed() -> None:
 
 
 def test_load_friction_is_a_share_of_the_motor_torque() -> None:
-    """A gearbox that takes 10 % of 8 N m: 0.8 N m more against motion, whatever the torque's sign."""
+    """The gearbox takes 10 % of 8 N m: 0.8 N m more against motion, whatever the torque's sign."""
     motor = ONE_MOTOR._replace(load_friction=np.array([0.1]))
     for sign in (-1.0, 1.0):
         command = JointCommand(*(np.array([x]) for x in (0.0, 0.0, 0.0, 0.0, 8.0 * sign)))
@@ -64,7 +64,7 @@ def test_load_friction_is_a_share_of_the_motor_torque() -> None:
 
 
 def test_damping_of_a_lagged_torque_is_that_of_its_mean() -> None:
-    """Minus the derivative of the step's mean torque with respect to the speed, beyond the ramp."""
+    """Damping is minus the derivative of the step's mean torque by the speed, beyond the ramp."""
     motor = ONE_MOTOR._replace(lag_s=np.array([0.004]))
     lag, before = lag_over(motor.lag_s, 0.005), np.array([2.0])
     command = JointCommand(*(np.array([x]) for x in (0.1, 0.0, 30.0, 0.8, 0.0)))
@@ -144,7 +144,7 @@ def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float, rise: float) ->
 
 
 def test_a_compliant_gearbox_is_a_spring_in_series() -> None:
-    """Stiffness 100 behind 300 is 75 N m/rad, and damping acts through the square of that share."""
+    """A stiffness of 100 behind 300 is 75 N m/rad, and damping acts through the square of that share."""
     motor = ONE_MOTOR._replace(compliance=np.array([1 / 300.0]))
     assert at(0.1, 0.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-7.5)
     assert at(0.0, 1.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-4 * 0.75**2)

@@ -17,24 +17,24 @@ def test_deep_contacts_of_the_simulated_robot_are_seen(name: str) -> None:
     plant, trained = plant_model(robot), training_model(robot, contacts="whole_body")
     plant.geom_margin[:] = NEAR_M  # training's one geom for a shank and its foot is thicker than the shank
     (plant_joints, _), (joints, _) = joint_addresses(plant, robot), joint_addresses(trained, robot)
-    theirs, ours, rng = mujoco.MjData(plant), mujoco.MjData(trained), np.random.default_rng(0)
+    on_plant, in_training, rng = mujoco.MjData(plant), mujoco.MjData(trained), np.random.default_rng(0)
     touching = missed = invented = 0
     for _ in range(1000):
         pose = rng.uniform(*robot.soft_limits)
-        for model, data, addresses in ((plant, theirs, plant_joints), (trained, ours, joints)):
+        for model, data, addresses in ((plant, on_plant, plant_joints), (trained, in_training, joints)):
             data.qpos[2], data.qpos[addresses] = 5.0, pose
             mujoco.mj_fwdPosition(model, data)
-        deep = theirs.ncon > 0 and theirs.contact.dist.min() < -DEEP_M
+        deep = on_plant.ncon > 0 and on_plant.contact.dist.min() < -DEEP_M
         touching += deep
-        missed += deep and not ours.ncon
-        invented += ours.ncon > 0 and theirs.ncon == 0
+        missed += deep and not in_training.ncon
+        invented += in_training.ncon > 0 and on_plant.ncon == 0
     assert touching > 10
     assert missed <= 0.1 * touching
     assert invented <= 0.5 * touching
 
 
 def test_original_shapes_collide_as_on_the_simulated_robot() -> None:
-    """A simplified, thick shank cannot hook behind another leg as a sphere foot on a thin shank does."""
+    """A simplified, thick shank cannot hook behind another leg, but a sphere foot on a thin shank can."""
     robot = load_robot("go1")
     model = training_model(robot, contacts="true_limbs")
     paired = {model.geom(g).name for g in np.concatenate([model.pair_geom1, model.pair_geom2])}

@@ -57,7 +57,10 @@ def test_stiffness_is_refused_where_steps_begin_to_swing_up(go1: Robot, share: f
 
 @pytest.mark.parametrize(("share", "refused"), [(0.99, False), (1.01, True)])
 def test_damping_beyond_a_plants_step_is_refused(go1: Robot, share: float, refused: bool) -> None:
-    """kd, the ramp of friction and viscous damping together; the joint that is damped most is named."""
+    """kd, the ramp of friction and viscous damping count together.
+
+    The joint with the largest damping is named.
+    """
     model = load_spec(go1.xml_path).compile()
     motor = go1.motor._replace(damping=np.linspace(0.1, 0.4, 12))
     damping = go1.kd + motor.friction / motor.friction_speed + motor.damping

@@ -80,18 +80,18 @@ def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData, joints: Iterable[str
 def test_links_have_the_motion_and_masses_of_the_bodies(robot: Robot) -> None:
     made, own = as_read(urdf(robot)), without_armature(robot)
     for pose in poses(own):
-        ours, theirs = posed(own, pose), posed(made, pose)
+        in_mjcf, in_urdf = posed(own, pose), posed(made, pose)
         for body in map(own.body, range(1, own.nbody)):
-            link = theirs.body(body.name)
-            np.testing.assert_allclose(link.xmat, ours.body(body.id).xmat, atol=1e-7)
-            np.testing.assert_allclose(link.xipos, ours.body(body.id).xipos, atol=1e-7)
-        imu = ours.site(robot.description.imu)
-        np.testing.assert_allclose(theirs.body("imu_link").xpos, imu.xpos, atol=1e-7)
-        np.testing.assert_allclose(theirs.body("imu_link").xmat, imu.xmat, atol=1e-7)
+            link = in_urdf.body(body.name)
+            np.testing.assert_allclose(link.xmat, in_mjcf.body(body.id).xmat, atol=1e-7)
+            np.testing.assert_allclose(link.xipos, in_mjcf.body(body.id).xipos, atol=1e-7)
+        imu = in_mjcf.site(robot.description.imu)
+        np.testing.assert_allclose(in_urdf.body("imu_link").xpos, imu.xpos, atol=1e-7)
+        np.testing.assert_allclose(in_urdf.body("imu_link").xmat, imu.xmat, atol=1e-7)
         for foot in robot.description.feet:
-            middle = np.mean([ours.geom(name).xpos for name in foot.geoms], axis=0)
-            np.testing.assert_allclose(theirs.body(f"{foot.name}_sole").xpos, middle, atol=1e-7)
-        matrices = (mass_matrix(model, data, pose) for model, data in ((made, theirs), (own, ours)))
+            middle = np.mean([in_mjcf.geom(name).xpos for name in foot.geoms], axis=0)
+            np.testing.assert_allclose(in_urdf.body(f"{foot.name}_sole").xpos, middle, atol=1e-7)
+        matrices = (mass_matrix(model, data, pose) for model, data in ((made, in_urdf), (own, in_mjcf)))
         np.testing.assert_allclose(*matrices, rtol=1e-6, atol=1e-7)
 
 

@@ -34,7 +34,7 @@ class DirectPlant:
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, command: JointCommand) -> None:
-        """One joint tick."""
+        """One tick of the joints."""
         for _ in range(round(1 / (JOINT_RATE_HZ * self.model.opt.timestep))):
             self._torque = joint_torque(
                 command, self.data.qpos[self._q], self.data.qvel[self._v], self.robot.motor
@@ -69,7 +69,7 @@ class DirectPlant:
 
 
 class Walk:
-    """What happened in `walk`: arrays over ticks."""
+    """Records of `walk`: arrays over ticks."""
 
     def __init__(self) -> None:
         self.time: list[float] = []

@@ -1,4 +1,4 @@
-"""Which files' tests run in one worker, and which begin first."""
+"""Files whose tests run in one worker, and files that begin first."""
 
 # Files that compile the same programs stay in one worker: the program of a training, and operations on
 # arrays of the same sizes.

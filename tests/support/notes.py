@@ -1,4 +1,4 @@
-"""A stand-in that records its calls."""
+"""An object that records its calls."""
 
 from typing import Any
 

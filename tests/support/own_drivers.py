@@ -1,4 +1,4 @@
-"""Drivers of a user's own: a motor protocol in units of 1/1000, and an IMU with two frames."""
+"""A user's own drivers: a motor protocol in units of 1/1000, and an IMU with two frames."""
 
 import numpy as np
 
@@ -56,8 +56,8 @@ class OwnDriver(PolledDriver):
 
     def replies(self, frames: Frames) -> Replies:
         motor = self._lookup[frames.channel, frames.id & 0x7F]
-        ours = (motor >= 0) & (frames.id & ~0x7F == REPLY) & (frames.length == 8)
-        frames, motor = frames.take(ours), motor[ours]
+        own = (motor >= 0) & (frames.id & ~0x7F == REPLY) & (frames.length == 8)
+        frames, motor = frames.take(own), motor[own]
         unknown = np.full(len(motor), np.nan)
         return Replies(motor, numbers(frames.data), frames.data[:, 7], unknown, unknown, frames.time_us)
 
@@ -74,8 +74,8 @@ class OwnMotorEnd(PolledMotorEnd):
 
     def requests(self, frames: Frames) -> Requests:
         motor = self._lookup[frames.channel, frames.id & 0xFF]
-        ours = (motor >= 0) & (frames.id < 0x80) & (frames.data[:, 7] <= ZERO)
-        frames, motor = frames.take(ours), motor[ours]
+        own = (motor >= 0) & (frames.id < 0x80) & (frames.data[:, 7] <= ZERO)
+        frames, motor = frames.take(own), motor[own]
         position, damping, torque = numbers(frames.data)
         one = np.ones(len(motor))
         kind = np.array([Request.COMMAND, Request.ENABLE, Request.DISABLE, Request.ZERO])[frames.data[:, 7]]

@@ -98,8 +98,8 @@ def test_fine_tuning_starts_with_the_loaded_networks(trained: Trained, go1: Robo
     trainer.restore(checkpoint.save(tmp_path / "other", 1, other, observed))
     trainer.start_from(trained.run.policy)
     trainer.export(tmp_path / "policy.onnx")
-    ours, theirs = read_exported(tmp_path / "policy.onnx"), read_exported(trained.run.policy)
-    for one, another in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True):
+    exported, original = read_exported(tmp_path / "policy.onnx"), read_exported(trained.run.policy)
+    for one, another in zip(jax.tree.leaves(exported), jax.tree.leaves(original), strict=True):
         np.testing.assert_array_equal(one, another)
 
 

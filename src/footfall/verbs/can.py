@@ -156,7 +156,7 @@ def _bench(where: Target, joints: tuple[str, ...]) -> "Iterator[Bench]":
     """All motors of a robot, or of some joints; they are disabled at the end of the context."""
     import numpy as np
 
-    from footfall.deploy.bench import Bench, switched_off_afterwards
+    from footfall.deploy.bench import Bench, disabled_afterwards
     from footfall.deploy.drivers.choice import open_driver
 
     robot, wiring = _wired(where)
@@ -166,7 +166,7 @@ def _bench(where: Target, joints: tuple[str, ...]) -> "Iterator[Bench]":
     some = wiring.take(np.array([robot.joint_index(name) for name in joints])) if joints else wiring
     with interface_bus(robot, wiring, where.bus, open_driver(some).filters) as bus:
         bench = Bench(some, bus)
-        with switched_off_afterwards(bench):
+        with disabled_afterwards(bench):
             yield bench
 
 

@@ -22,9 +22,9 @@ def at(section: Any, key: str) -> Any:
 
 class TestScaled:
     def test_a_robot_of_the_same_size_gets_the_same_settings(self) -> None:
-        """Except for `stand`, whose stiffness comes from the robot's own gains."""
-        theirs = read_yaml(ROBOTS / "go1" / "controllers.yaml")
-        ours = scaled_controllers(GO1, 4, 0.0).sections
+        """All are equal except those of `stand`, whose stiffness comes from the robot's own gains."""
+        shipped = read_yaml(ROBOTS / "go1" / "controllers.yaml")
+        scaled = scaled_controllers(GO1, 4, 0.0).sections
         for key in (
             "mpc.weights.force",
             "mpc-wbc.swing.stiffness",
@@ -32,7 +32,7 @@ class TestScaled:
             "walk.stance.sway",
             "stand.kp",
         ):
-            assert at(ours, key) == pytest.approx(at(theirs, key), rel=1e-3)
+            assert at(scaled, key) == pytest.approx(at(shipped, key), rel=1e-3)
         assert scaled_controllers(GO1, 4, 300.0).sections["stand"]["kp"] == pytest.approx(300.0)
 
     def test_a_robot_twice_as_large_gets_settings_by_their_units(self) -> None:

@@ -52,11 +52,11 @@ class TestKeptFromTheSource:
         """
         robot, _ = four
         (tmp_path / "model.urdf").write_text(quadruped())
-        theirs = read_source(tmp_path / "model.urdf").model
-        ours = mujoco.MjModel.from_xml_path(str(robot.xml_path))
+        original = read_source(tmp_path / "model.urdf").model
+        converted = mujoco.MjModel.from_xml_path(str(robot.xml_path))
         pose = dict(zip(robot.joint_names, np.random.default_rng(3).uniform(-1, 1, 12), strict=True))
-        expected = mass_matrix(theirs, {**pose, "arm": 0.4}, robot.joint_names)
-        assert mass_matrix(ours, pose, robot.joint_names) == pytest.approx(expected, abs=1e-5)
+        expected = mass_matrix(original, {**pose, "arm": 0.4}, robot.joint_names)
+        assert mass_matrix(converted, pose, robot.joint_names) == pytest.approx(expected, abs=1e-5)
 
     def test_a_given_reflected_inertia_is_used(self, two: tuple[Robot, Imported]) -> None:
         robot, made = two
@@ -121,7 +121,7 @@ class TestDerived:
         assert "reflected inertia" in (made.folder / "robot.yaml").read_text()
 
     def test_links_that_touch_in_the_default_pose_are_excluded(self, tmp_path: Path) -> None:
-        """Front thighs of this width overlap, hind ones do not."""
+        """Front thighs of this width overlap, hind thighs do not."""
         wide = '<collision><geometry><sphere radius="0.12"/></geometry></collision>'
         robot, _ = make(tmp_path, quadruped(thigh=wide))
         excluded = re.findall(r'<exclude body1="(\w+)" body2="(\w+)"', robot.xml_path.read_text())
@@ -221,7 +221,7 @@ class TestRefusals:
 
 
 def mass_matrix(model: mujoco.MjModel, pose: dict[str, float], joints: tuple[str, ...]) -> np.ndarray:
-    """Of the base, then of the joints, in the order given."""
+    """The mass matrix of the base and of the joints, in the order given."""
     model.dof_armature[:] = 0.0
     data = mujoco.MjData(model)
     for name, angle in pose.items():
@@ -257,7 +257,7 @@ class TestCreate:
         assert [path.name for path in made.folder.parent.iterdir()] == ["my dog-2_x"]
 
     def test_a_robot_that_cannot_be_loaded_leaves_no_folder(self, tmp_path: Path) -> None:
-        """Joints of so much damping that the plant's steps are unstable."""
+        """The joints have so much damping that the plant's steps are unstable."""
         request = self.request(tmp_path)
         request.source.write_text(quadruped().replace('damping="0.1', 'damping="900.1'))
         with pytest.raises(UserError, match="damping"):

@@ -29,19 +29,19 @@ class TestMachine:
         return build_machine(source, "odd")[0]
 
     def test_every_link_moves_as_in_the_source(self, source: Source, machine: Machine) -> None:
-        """Feet, boxes and the mass matrix relative to the base; the arm is held at 0.4 rad."""
-        theirs, ours = source.model, mujoco.MjModel.from_xml_string(model_xml(machine))
+        """Feet, boxes and the mass matrix are compared relative to the base; the arm is held at 0.4 rad."""
+        original, converted = source.model, mujoco.MjModel.from_xml_string(model_xml(machine))
         for seed in range(2):
             rng = np.random.default_rng(seed)
-            data = mujoco.MjData(theirs), mujoco.MjData(ours)
+            data = mujoco.MjData(original), mujoco.MjData(converted)
             for hinge in machine.hinges:
                 angle = rng.uniform(-0.5, 0.5)
                 for each in data:
                     each.joint(hinge.name).qpos = angle
             data[0].joint("arm").qpos = 0.4
-            bases = theirs.body("pelvis").id, 1
+            bases = original.body("pelvis").id, 1
             positions, matrices = [], []
-            for model, each, base in zip((theirs, ours), data, bases, strict=True):
+            for model, each, base in zip((original, converted), data, bases, strict=True):
                 mujoco.mj_forward(model, each)
                 turn = each.xmat[base].reshape(3, 3)
                 kinds = (
@@ -65,7 +65,7 @@ class TestMachine:
         assert (foot.priority[0], foot.condim[0]) == (1, 3)
 
     def test_the_imu_is_at_its_site_relative_to_the_base(self, machine: Machine) -> None:
-        """0.05 m ahead and 0.1 m up, and 0.02 and 0.01 m along axes that are turned by 0.5 rad about y."""
+        """The site is 0.05 m ahead, 0.1 m up, then 0.02 and 0.01 m along axes turned by 0.5 rad about y."""
         along = 0.02 * np.cos(0.5) + 0.01 * np.sin(0.5), 0.01 * np.cos(0.5) - 0.02 * np.sin(0.5)
         np.testing.assert_allclose(machine.imu, [0.05 + along[0], 0.01, 0.1 + along[1]], atol=1e-9)
 

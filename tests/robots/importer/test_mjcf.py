@@ -45,7 +45,7 @@ class TestMjcf:
         assert read(tmp_path, text).pose_rad == {"a_joint": knee, "b_joint": -knee}
 
     def test_a_mesh_is_at_its_geoms_position(self, tmp_path: Path) -> None:
-        """A wedge is moved, and turned by a quarter about z: (x, y) becomes (-y, x)."""
+        """A wedge is moved, and turned by a quarter turn about z: (x, y) becomes (-y, x)."""
         mesh = '<asset><mesh name="wedge" vertex="0.1 0 0  0.4 0 0  0.1 0.2 0  0.1 0 0.3"/></asset>'
         shoe = f'<geom type="mesh" mesh="wedge" pos="1 2 3" quat="{np.sqrt(0.5)} 0 0 {np.sqrt(0.5)}"/>'
         source = read(tmp_path, on_base(hanging("a", 0.1, 0.2, shoe), hanging("b", -0.1, 0.2), extra=mesh))

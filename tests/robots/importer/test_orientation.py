@@ -37,8 +37,10 @@ class TestTurned:
         assert "its x axis pointing forward, z up" in build_machine(read(tmp_path, BIPED_MJCF), "m")[1][0]
         kept, guesses = build_machine(read(tmp_path, renamed(BIPED_MJCF)), "m", forward="x")
         assert "its x axis" in guesses[0]
-        ours, theirs = (next(li for li in m.links if li.name == "left_hip_link") for m in (machine, kept))
-        assert ours.position == pytest.approx(theirs.position * [-1.0, -1.0, 1.0])
+        turned_link, kept_link = (
+            next(li for li in m.links if li.name == "left_hip_link") for m in (machine, kept)
+        )
+        assert turned_link.position == pytest.approx(kept_link.position * [-1.0, -1.0, 1.0])
         assert machine.links[0].centre == pytest.approx(kept.links[0].centre * [-1.0, -1.0, 1.0])
 
     def test_a_file_whose_y_axis_points_up(self, tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ class TestPose:
     def test_four_legs_stand_at_three_quarters_of_their_reach(self, tmp_path: Path) -> None:
         """Of a knee's range from -2 to -0.4 rad 0.85 are used, up to -0.52.
 
-        0.4 cos(0.26) m and the sphere's radius.
+        The height is 0.4 cos(0.26) m plus the sphere's radius.
         """
         pose = self.pose(tmp_path, walker())
         reach = 0.4 * np.cos(0.26) + 0.02
@@ -105,7 +105,7 @@ class TestPose:
         np.testing.assert_allclose(second, first * [1.0, across, 1.0], atol=1e-6)
 
     def test_a_foot_stands_below_its_position_at_zero_and_a_spread_leg_closer(self, tmp_path: Path) -> None:
-        """A leg 0.4 m long that reaches 0.1 m down is spread; its foot stands at 0.7 of the 0.3 m."""
+        """A leg 0.4 m long that reaches 0.1 m down is spread. Its foot stands at 0.7 of the 0.3 m."""
 
         def spread(name: str, y: float, down: float) -> str:
             aside = np.sign(y) * np.sqrt(0.16 - down**2)

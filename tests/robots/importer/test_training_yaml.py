@@ -62,7 +62,7 @@ def test_loads_scale_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> 
 
 
 def test_quantities_without_a_range_are_left_out(tmp_path: Path) -> None:
-    """An offset of the centre of mass of up to 0.02 m, and no load, on legs of twice the reach."""
+    """With legs of twice the reach, the centre of mass may be off by 0.02 m, and there is no load."""
     pose = Pose({}, 0.3, 0.0, 0.9)
     text = randomisation_yaml(machine_of(tmp_path, 13.0), pose, {"com_offset_m": (0.0, 0.02)})
     assert yaml.safe_load(text) == {"com_offset_m": {"low": 0.0, "high": 0.04}}

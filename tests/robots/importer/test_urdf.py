@@ -87,7 +87,7 @@ class TestUrdf:
         np.testing.assert_allclose(source.model.joint("RL_knee").range, [-np.pi, np.pi])
 
     def test_an_impossible_inertia_is_raised_to_a_radius_of_a_millimetre(self, tmp_path: Path) -> None:
-        """A mass of 0.4 kg: at least 4e-7 kg m^2 about its thinnest axis; the other inertias stay."""
+        """A mass of 0.4 kg has at least 4e-7 kg m^2 about its thinnest axis; the other inertias stay."""
         moments = 'ixx="0.0016" iyy="0.002" izz="0.0012000000000000001" ixy="0.00016" ixz="0.0" iyz="0.0"'
         text = quadruped()
         assert moments in text
