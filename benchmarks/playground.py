@@ -1,6 +1,6 @@
 """Environment steps per second of MuJoCo Playground's Go1, in the calling process.
 
-The task is Go1JoystickFlatTerrain, or another one of its Go1, with its own PPO settings, networks
+The task is Go1JoystickFlatTerrain, or another of Playground's Go1 tasks, with its own PPO settings, networks
 and randomisation, trained by brax's own train function. The figure is computed from the wall-clock time
 between progress reports after the first, because brax's own `training/sps` counts num_resets_per_eval epochs
 against the time of one.
@@ -36,7 +36,7 @@ def measure(impl: str, environments: int, iterations: int, task: str = TASK) -> 
         task: Playground's name of the task.
 
     Returns:
-        The figures; if it cannot run, the reason under "failed".
+        The figures; if Playground cannot run, the reason under "failed".
     """
     found: dict[str, Any] = {"task": task, "impl": impl, "environments": environments}
     if importlib.util.find_spec("mujoco_playground") is None:
@@ -58,7 +58,7 @@ def measure(impl: str, environments: int, iterations: int, task: str = TASK) -> 
 def physics_alone(
     environments: int, task: str, control_steps: int = 10, repeats: int = 20
 ) -> tuple[float, float, float]:
-    """Control steps per second of its model under random actions: minimum, median, maximum."""
+    """Control steps per second of Playground's model under random actions: minimum, median, maximum."""
     from mujoco_playground import registry
     from mujoco_playground._src import mjx_env
 

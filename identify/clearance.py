@@ -1,4 +1,4 @@
-"""How far a robot on a stand can swing its legs before its own bodies meet."""
+"""How far a robot on a stand can swing its legs before its bodies touch each other."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, plant_model
 
 SEEN_M = 0.003  # bodies farther apart than this do not count
-SLACK_M = 0.002  # how much nearer than without the swing targets may bring them: legs lag behind targets
+SLACK_M = 0.002  # allowed decrease of the distance by the swing's targets, because legs lag behind them
 SHARES = (1.0, 0.75, 0.5, 0.25)
 
 

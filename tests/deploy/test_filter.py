@@ -91,7 +91,7 @@ class TestFilter:
 
     @settings(max_examples=30, deadline=None)
     @given(st.integers(0, 10**6))
-    def test_its_covariance_stays_valid(self, seed: int) -> None:
+    def test_the_covariance_stays_valid(self, seed: int) -> None:
         """For any readings, no variance becomes negative and no correlation exceeds one."""
         rng = np.random.default_rng(seed)
         motion = coupled(FilterConfig(), seed)

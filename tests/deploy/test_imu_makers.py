@@ -114,7 +114,7 @@ class TestEveryMaker:
         np.testing.assert_allclose(imu.reading.gyro, 0.0)
         assert imu.older == 1  # type: ignore[attr-defined]
 
-    def test_it_is_refused_on_the_wrong_kind_of_bus(self, go1: Robot, protocol: str) -> None:
+    def test_an_imu_is_refused_on_the_wrong_kind_of_bus(self, go1: Robot, protocol: str) -> None:
         bus = "can0" if BUS_OF[protocol] == PORT else PORT
         with pytest.raises(UserError, match="imu_bus"):
             open_imu(wiring_of(with_imu(go1, protocol, bus)))

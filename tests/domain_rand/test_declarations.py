@@ -67,7 +67,7 @@ class TestReading:
         noise=WithTorque(),
     )
 
-    def test_its_noise_is_a_setting_that_is_checked(self) -> None:
+    def test_a_readings_noise_is_a_setting_that_is_checked(self) -> None:
         assert structure({"joint_torque": 0.5}, WithTorque, "x.yaml").joint_torque == 0.5
         with pytest.raises(UserError, match="joint_torque"):
             structure({"joint_torque": "much"}, WithTorque, "x.yaml")
@@ -87,7 +87,7 @@ class TestReading:
         inputs = Inputs(read(sensed), np.zeros(12), np.zeros(3), np.zeros(1))
         np.testing.assert_allclose(step_values(inputs, env.contract)[:12], 0.1 * torque)
 
-    def test_it_has_noise_and_a_mirror_image_of_its_own(self) -> None:
+    def test_a_reading_has_its_own_noise_and_mirror_image(self) -> None:
         env = LocomotionEnv(ROBOT, replace(self.CONFIG, noise=WithTorque(joint_torque=2.0)))
         assert env.observer.numbers == 30 + 12
         state, _ = jax.jit(env.reset)(jax.random.PRNGKey(0))
@@ -103,13 +103,13 @@ class TestReading:
 class TestQuantity:
     CONFIG = replace(CONFIG, randomisation=WithSpeed(motor_speed=Distribution(0.5, 0.5)))
 
-    def test_its_range_is_a_setting_that_is_checked(self) -> None:
+    def test_a_quantitys_range_is_a_setting_that_is_checked(self) -> None:
         data = {"motor_speed": {"low": 0.5, "high": 0.9}}
         assert structure(data, WithSpeed, "x.yaml").motor_speed == Distribution(0.5, 0.9)
         with pytest.raises(UserError, match="above high"):
             structure({"motor_speed": {"low": 0.5, "high": 0.1}}, WithSpeed, "x.yaml")
 
-    def test_it_acts_in_training_and_on_the_plant_and_the_critic_sees_it(self) -> None:
+    def test_a_quantity_acts_in_training_and_on_the_plant_and_the_critic_sees_it(self) -> None:
         env = LocomotionEnv(ROBOT, self.CONFIG)
         state, _ = jax.jit(env.reset)(jax.random.PRNGKey(0))
         half = 0.5 * ROBOT.motor.no_load_speed

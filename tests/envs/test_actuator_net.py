@@ -29,7 +29,7 @@ def test_a_net_moves_a_robot_in_training_and_each_episode_begins_at_rest(robot: 
     assert not jax.jit(env.restart)(moved[1])[0].net_memory.any()
 
 
-def test_the_generated_physics_refuses_it_by_name(robot: Robot) -> None:
+def test_the_generated_physics_refuses_a_net(robot: Robot) -> None:
     engine = make_engine("generated", training_model(robot), robot)
     assert engine.name != "generated"
     assert "actuator_net" in engine.note

@@ -133,7 +133,7 @@ class TestResetPose:
         )
         return np.asarray(state.qpos), np.asarray(state.qvel)
 
-    def test_it_stands_on_the_ground_at_any_height(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_robot_stands_on_the_ground_at_any_height(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """The ground is half a metre high where x is 0, and slopes."""
         monkeypatch.setattr(data, "ground_height", lambda position: 0.5 + 0.1 * position[0])
         qpos, _ = self.draw(np.full(31, 0.5))
@@ -157,7 +157,7 @@ class TestResetPose:
 
 
 class TestSlope:
-    def test_it_tilts_gravity_and_keeps_its_size(self, begun: State) -> None:
+    def test_a_slope_tilts_gravity_and_keeps_its_size(self, begun: State) -> None:
         occasion = Occasion(SCENE, True, jnp.array([0.5, 0.25]), 1.0)
         gravity = slope.change(begun, occasion, up_to_rad=0.4).fields[GRAVITY]
         np.testing.assert_allclose(gravity, 9.81 * np.array([0.0, np.sin(0.2), -np.cos(0.2)]), atol=1e-5)
@@ -185,7 +185,7 @@ def test_gravity_follows_its_curriculum_and_keeps_the_slope(begun: State) -> Non
 
 
 class TestDrop:
-    def test_it_begins_above_the_ground_in_any_attitude_inside_the_limits(self, begun: State) -> None:
+    def test_a_drop_begins_above_the_ground_in_any_attitude_inside_the_limits(self, begun: State) -> None:
         scene, heights, tilts = Scene(MODEL, ROBOT, SCENE.feet, 0.02), [], []
         lower, upper = ROBOT.soft_limits
         for u in np.random.default_rng(0).random((40, drop.numbers(Parts(12)))):

@@ -1,6 +1,6 @@
 """The kernel for GPUs computes the same as the program for processors.
 
-The reason why it cannot be called is named.
+If it cannot be called, the reason is named.
 """
 
 import ctypes

@@ -40,7 +40,7 @@ def many() -> Iterator[GymnasiumVectorEnv]:
 
 
 class TestOne:
-    def test_it_keeps_gymnasiums_contract(self, one: GymnasiumEnv) -> None:
+    def test_an_environment_keeps_gymnasiums_contract(self, one: GymnasiumEnv) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             # Two warnings of gymnasium are only advice: ranges of actions differ, and observations have no

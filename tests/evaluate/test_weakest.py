@@ -28,7 +28,7 @@ def plan(go1: Robot) -> EpisodePlan:
 
 
 @pytest.mark.parametrize("limit", [0.001, 0.3, 0.77, 1.0])
-def test_a_bisection_finds_the_smallest_size_that_makes_it_fall(limit: float) -> None:
+def test_a_bisection_finds_the_smallest_size_that_makes_a_policy_fall(limit: float) -> None:
     assert smallest(lambda share: share >= limit) == pytest.approx(limit, abs=1 / 256)
 
 

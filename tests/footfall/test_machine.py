@@ -38,7 +38,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 class TestDoctor:
-    def test_it_checks_everything_and_never_fails(self, done: Any) -> None:
+    def test_doctor_checks_everything_and_never_fails(self, done: Any) -> None:
         done.code, done.err = 1, "nothing works here"
         result = " ".join(finding.what for finding in machine.findings())
         for what in (

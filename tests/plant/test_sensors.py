@@ -159,7 +159,7 @@ class TestEveryReading:
         assert sorted((*MOTORS, *IMU, "foot_force")) == sorted(SENSED)
 
     @pytest.mark.parametrize("noisy", [tuple(MORE_READINGS), ("joint_torque",)], ids=["all", "one"])
-    def test_its_noise_acts_in_training_on_the_plant_and_in_the_log(
+    def test_noise_acts_in_training_on_the_plant_and_in_the_log(
         self, go1: Robot, nominal: Readings, tmp_path: Path, noisy: tuple[str, ...]
     ) -> None:
         noise = MoreNoise(**dict.fromkeys(noisy, UNIT))
@@ -177,7 +177,7 @@ class TestEveryReading:
             assert (error.max(axis=0) > 0.3 * most)[: 2 if name == "gravity" else None].all()
 
     @pytest.mark.parametrize("more", [["second_gyro_bias"], sorted({*BIASES} - {"second_gyro_bias"})])
-    def test_its_bias_acts_in_training_on_the_plant_and_in_the_log(
+    def test_a_bias_acts_in_training_on_the_plant_and_in_the_log(
         self, go1: Robot, nominal: Readings, tmp_path: Path, more: list[str]
     ) -> None:
         kinds_of = {name: MORE_QUANTITIES[name].kind for name in more}
@@ -193,7 +193,7 @@ class TestEveryReading:
             np.testing.assert_allclose(found, np.tile(difference, (STILL_TICKS, 1)), atol=ROUNDING)
 
     @pytest.mark.parametrize("name", DELAYS["readings"])
-    def test_its_delay_acts_in_training_on_the_plant_and_in_the_log(
+    def test_a_delay_acts_in_training_on_the_plant_and_in_the_log(
         self, go1: Robot, nominal: Readings, tmp_path: Path, name: str
     ) -> None:
         recent = np.arange(8.0)[:, None] * np.ones(6 + 3 * N)

@@ -75,18 +75,18 @@ class TestCentre:
 
 
 class TestAct:
-    def test_it_turns_a_tilted_base_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_tilted_base_is_turned_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         """The acceleration is -100 tilt - 20 rate; roll is 0.02 rad, pitch -0.03 rad."""
         tilted = seen(turn=Rotation.from_rotvec([0.02, -0.03, 0.0]), gyro=(0.1, 0.2, -0.3))
         *_, desired, _ = whole_body_arguments(policy, monkeypatch, tilted)
         np.testing.assert_allclose(desired.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)
 
-    def test_it_damps_its_angular_momentum(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_angular_momentum_is_damped(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         spinning = seen(gyro=np.array([0.3, -0.2, 0.1]))
         dynamics, *_, desired, _ = whole_body_arguments(policy, monkeypatch, spinning)
         np.testing.assert_allclose(desired.momentum_rate, -2.0 * dynamics.angular_momentum)
 
-    def test_after_a_reset_it_reaches_its_pose_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_after_a_reset_the_pose_is_reached_in_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """After a fifth of the time the targets have moved by a fifth, in joints and height."""
         policy = Balance(G1, CONFIG)
         crouched = seen(0.0, crouch=1.0)

@@ -77,7 +77,7 @@ class TestTicksWithoutSolution:
 
 
 class TestStep:
-    def test_it_walks_as_commanded(self) -> None:
+    def test_a_biped_walks_as_commanded(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=2)
         result = walk(policy, plant, partial(hold, (0.2, 0.0, 0.3)), 3.7)
         assert not result.fell
@@ -87,7 +87,7 @@ class TestStep:
         assert forward == pytest.approx(0.2, abs=0.06)
         assert yaw_rate == pytest.approx(0.3, abs=0.08)
 
-    def test_after_a_push_it_steps_and_then_stands(self) -> None:
+    def test_after_a_push_a_biped_steps_and_then_stands(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=4)
         shove = (0.8, np.array([-0.37, 0.15, 0.0]))
         result = walk(policy, plant, STANDING, 3.0, BaseEstimator(G1), shove)
@@ -96,7 +96,7 @@ class TestStep:
         assert policy.footwork.phase is Phase.STAND
         assert np.linalg.norm(result.velocity[-1][:2]) < 0.1
 
-    def test_after_a_harder_push_it_steps_before_the_weight_has_shifted(self) -> None:
+    def test_after_a_harder_push_a_biped_steps_before_the_weight_has_shifted(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=4)
         lifted: list[float] = []
 
@@ -108,7 +108,7 @@ class TestStep:
         assert not walk(policy, plant, STANDING, 2.0, push=shove, frame=record).fell
         assert lifted[0] < 0.8 + 0.1
 
-    def test_undisturbed_it_does_not_step(self) -> None:
+    def test_an_undisturbed_biped_does_not_step(self) -> None:
         policy, plant = Step(G1), DirectPlant(G1, seed=5)
         assert not walk(policy, plant, STANDING, 1.5).fell
         assert policy.footwork.steps == 0

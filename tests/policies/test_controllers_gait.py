@@ -42,7 +42,7 @@ class TestSchedule:
 
 
 class TestNamedGait:
-    def test_its_clock_has_the_gaits_feet_and_duty_unless_another_duty_is_given(self, go1: Robot) -> None:
+    def test_a_clock_has_the_gaits_feet_and_duty_unless_another_duty_is_given(self, go1: Robot) -> None:
         clock = GaitConfig("walk", 0.9).clock(go1)
         assert (clock.timing.period_s, clock.timing.duty) == (0.9, 0.75)
         assert clock.offsets.tolist() == [0.0, 0.5, 0.25, 0.75]
@@ -72,7 +72,7 @@ class TestSwingCurve:
             assert now.bend == pytest.approx((after.slope - before.slope) / (2 * step), abs=1e-4)
 
     @pytest.mark.parametrize(("s", "along", "height"), [(0.0, 0.0, 0.0), (0.5, 0.5, 1.0), (1.0, 1.0, 0.0)])
-    def test_it_moves_from_lift_off_to_touch_down(self, s: float, along: float, height: float) -> None:
+    def test_a_swing_moves_from_lift_off_to_touch_down(self, s: float, along: float, height: float) -> None:
         curve = swing_curve(s)
         assert curve.along.value == pytest.approx(along, abs=1e-12)
         assert curve.height.value == pytest.approx(height, abs=1e-12)
@@ -80,7 +80,7 @@ class TestSwingCurve:
 
 
 class TestClock:
-    def test_it_stops_when_swings_are_over(self) -> None:
+    def test_a_clock_stops_when_swings_are_over(self) -> None:
         for offsets, duty, left_s in (
             (TROT, 0.5, 0.102),  # 0.148 s into a period of 0.5 s: the second diagonal lands at 0.25 s
             (TROT, 0.65, 0.102),

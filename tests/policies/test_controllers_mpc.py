@@ -133,7 +133,7 @@ class TestPlan:
                 np.testing.assert_array_equal(contacts[1:], later)
         assert len(planned) > 10
 
-    def test_it_begins_from_the_applied_forces(self, policy: Mpc, planned: list[Planned]) -> None:
+    def test_a_plan_begins_from_the_applied_forces(self, policy: Mpc, planned: list[Planned]) -> None:
         """The first plan begins with equal shares of the weight, later ones with the turned previous plan."""
         for _ in range(2):
             policy.reset(standing(2.0))

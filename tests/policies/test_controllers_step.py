@@ -109,10 +109,10 @@ def whole_body_arguments(
     return result[0]
 
 
-class TestWanted:
+class TestDesired:
     """A robot that stands on both feet."""
 
-    def test_it_brings_tilt_and_joints_back(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_tilt_and_joints_are_brought_back(self, policy: Step, monkeypatch: pytest.MonkeyPatch) -> None:
         off, velocity = np.linspace(0.01, 0.2, N), np.linspace(-0.1, 0.3, N)
         tilted = seen(
             joint=G1.default_pose + off,
@@ -126,7 +126,7 @@ class TestWanted:
         np.testing.assert_array_equal(position, G1.default_pose + off)
         np.testing.assert_array_equal(moved, velocity)
 
-    def test_its_height_is_measured_from_the_bearing_foot(
+    def test_height_is_measured_from_the_bearing_foot(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """The other foot is 0.1 m higher."""

@@ -102,7 +102,7 @@ class TestGaits:
         assert note.startswith("trot: it does not walk, however short its strides are: the stability margin")
         assert note.endswith("a shorter gait.period_s, a larger gait.duty or more stance.sway would help")
 
-    def test_it_changes_its_gait_and_its_steps_while_it_walks(self) -> None:
+    def test_gait_and_steps_change_while_walking(self) -> None:
         """Every second the controller gets another gait and other steps, at any phase.
 
         The robot neither falls nor stops.
@@ -127,13 +127,13 @@ class TestGaits:
 
 
 class TestMpc:
-    def test_it_walks_on_after_a_push(self) -> None:
+    def test_a_robot_walks_on_after_a_push(self) -> None:
         push = (1.0, 0.8 * np.array([np.cos(np.pi / 2 + 0.3), np.sin(np.pi / 2 + 0.3), 0.0]))
         result = go(Mpc(ROBOT), (0.5, 0.0, 0.0), 3.0, push=push)
         assert not result.fell
         np.testing.assert_allclose(result.velocity[-1][:2], (0.5, 0.0), atol=0.2)
 
-    def test_it_stands_again_after_a_push(self) -> None:
+    def test_a_robot_stands_again_after_a_push(self) -> None:
         result = go(Mpc(ROBOT), (0.0, 0.0, 0.0), 4.0, push=(0.5, np.array([0.2, 0.8, 0.0])))
         assert not result.fell
         assert drift(result, after_s=3.5) < 0.01

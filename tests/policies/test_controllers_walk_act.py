@@ -139,7 +139,7 @@ class TestHeading:
         return heading
 
     @pytest.mark.parametrize(("turned", "back"), [(0.1, -0.2), (-0.05, 0.1), (0.5, -0.4), (-3.0, 0.4)])
-    def test_it_returns_to_its_heading(self, heading: Heading, turned: float, back: float) -> None:
+    def test_a_robot_returns_to_its_heading(self, heading: Heading, turned: float, back: float) -> None:
         assert heading.correction(1.0 + turned, 0.0) == pytest.approx(back)
 
     def test_a_standing_robot_forgets_its_heading(self) -> None:

@@ -173,7 +173,7 @@ class TestCycle:
         cycle.touch_down(np.array([False, True]), np.array([-0.4, -0.3]))
         assert cycle.feet[1, 2] == pytest.approx(0.02)
 
-    def test_its_clock_runs_a_cycle_in_a_period(self, cycle: FootCycle) -> None:
+    def test_the_clock_runs_a_cycle_in_a_period(self, cycle: FootCycle) -> None:
         cycle.advance(REST, 0.5, 0.04, BOTH)
         assert cycle.clock == pytest.approx(0.25)
         np.testing.assert_allclose(cycle.phases(), [0.25, 0.75])

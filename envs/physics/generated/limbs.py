@@ -51,7 +51,7 @@ class Part:
         return self.graph.node("total", self.number(value))
 
     def partner(self, value: Scalar, slot: int) -> Scalar:
-        """The value of the limb that this one meets."""
+        """The value of the limb that touches this one."""
         return self.graph.node("partner", self.number(value), slot)
 
     def of_both(self, value: Scalar, pair: Pair | None) -> Scalar:
@@ -97,7 +97,7 @@ def limbs_of(model: mujoco.MjModel, tree: Tree) -> tuple[list[Part], list[tuple[
         if len(owners) == 2:
             between.append(geom_pair)
     if len(between) > MAX_PAIRS or any(geom_pair.dimensions != SMOOTH for geom_pair in between):
-        raise NotAlikeError("limbs meet each other in many contacts, or with friction")
+        raise NotAlikeError("limbs touch each other in many contacts, or with friction")
     return limbs, list(_pair_up(limbs, geoms, home, between))
 
 

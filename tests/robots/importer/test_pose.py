@@ -44,7 +44,7 @@ class TestPose:
         return machine, data
 
     def test_four_legs_stand_at_three_quarters_of_their_reach(self, tmp_path: Path) -> None:
-        """Of a knee's range from -2 to -0.4 rad 0.85 are used, up to -0.52.
+        """Of a knee's range from -2 to -0.4 rad, 85 % are used, up to -0.52 rad.
 
         The height is 0.4 cos(0.26) m plus the sphere's radius.
         """
