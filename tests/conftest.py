@@ -4,7 +4,7 @@ import os
 from importlib.metadata import distributions
 from pathlib import Path
 
-# Before anything imports JAX, and for all processes that the tests start: they run on the CPU, keep compiled
+# Set before anything imports JAX, for all processes that the tests start: they run on the CPU, keep compiled
 # programs between runs, and have XLA compile quickly rather than well: they compile much and run little.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault(
@@ -44,7 +44,7 @@ from footfall.policies.gaits import find_gait
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import ROBOTS, Robot, load_robot
 
-# A shell that starts the tests in the background has them, and all that they start, ignore Ctrl-C.
+# If a shell starts the tests in the background, the tests and their processes ignore Ctrl-C.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("footfall", deadline=None, max_examples=60, derandomize=True)

@@ -109,7 +109,7 @@ class Follow:
 
 @dataclass
 class Change:
-    """Change something in the run: done when the run has it."""
+    """Change policy, gait or settings of the run; done once the policy has changed."""
 
     policy: str = ""
     gait: str = ""
@@ -126,7 +126,7 @@ class Change:
 
 @dataclass
 class Leap:
-    """Do some jumps with a policy that jumps, then return to the previous policy."""
+    """Jump some times with a policy that can jump, then return to the previous policy."""
 
     policy: str
     times: int

@@ -64,7 +64,7 @@ class TestPythonCan:
         assert outcome.faults == ()
         assert outcome.final_state == "IDLE"
         assert outcome.walked_s > 0.35
-        # On a busy machine its joints lag: limp, they would be off by a radian.
+        # On a busy machine the joints lag; limp joints would be off by a radian.
         np.testing.assert_allclose(policy.seen[-1].sensed.joint_position, go1.default_pose, atol=0.2)
 
     def test_the_robot_walks_over_multicast_from_another_process(self, go1: Robot) -> None:

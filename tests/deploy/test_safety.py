@@ -41,8 +41,8 @@ def following(state: State, changes: dict[str, Any]) -> State:
 
 
 # For each signal the next mode of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING,
-# LOWERING and RECOVERING: it stays (-), or goes to ESTOP, FALLING or LOWERING, by their initials. A robot in
-# IDLE is ready: what would be a fault in STANDING keeps it from getting there.
+# LOWERING and RECOVERING: the mode stays (-), or changes to ESTOP, FALLING or LOWERING, by initials. A robot
+# in IDLE is ready: a signal that is a fault in STANDING prevents the change to STANDING.
 TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEEEE"),
     ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEEEE"),

@@ -30,7 +30,7 @@ from footfall.train.config import load_preset
 
 COMPILER = shutil.which("c++") or shutil.which("g++")
 ROBOTS, BLOCK = 37, 64  # the last block is not full
-# What CUDA's C has beyond C++. The threads of a warp take turns: each runs until it exchanges a value.
+# Parts of CUDA's C that C++ lacks. The threads of a warp take turns: each runs until it exchanges a value.
 PRELUDE = """#include <cmath>
 #include <ucontext.h>
 #define __global__

@@ -28,7 +28,7 @@ def robot(user_folder: UserFolder) -> Robot:
     return load_robot(folder)
 
 
-def test_a_robot_walks_on_these_motors(user_folder: UserFolder, robot: Robot) -> None:
+def test_a_robot_walks_on_the_examples_motors(user_folder: UserFolder, robot: Robot) -> None:
     command = ("--robot", "my_robot", "--command", "0.4,0,0", "--duration", "3", "--json", "out.json")
     user_folder.footfall("deploy", "go1-flat", *command)
     figures = json.loads((user_folder.path / "out.json").read_text())

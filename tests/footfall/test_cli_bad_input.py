@@ -25,7 +25,7 @@ def nothing_is_left_behind(shell: Shell, tmp_path: Path):
     assert list((tmp_path / "here").iterdir()) == []
 
 
-# A command line, and what the complaint about it names.
+# A command line, and words that the message must name.
 REFUSED = """
     depoly | depoly deploy
     --verbose | --verbose

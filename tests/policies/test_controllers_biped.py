@@ -60,7 +60,7 @@ class Missing(BoundedSolver):
 
 
 class TestTicksWithoutSolution:
-    def test_a_run_survives_a_few_unsolved_ticks_and_notes_them(self) -> None:
+    def test_a_run_survives_and_notes_a_few_unsolved_ticks(self) -> None:
         policy = Balance(G1)
         policy.control.solver = Missing(ticks=10)
         trace = run_episode(G1, policy, Episode(command_source=STANDING, duration_s=0.6))

@@ -211,7 +211,7 @@ def test_a_landing_ends_the_walk_or_begins_the_next_step() -> None:
         footwork = Step(G1, CONFIG).footwork
         footwork.stance_foot, footwork.swing_foot, footwork.elapsed_s = LEFT, RIGHT, 0.6
         footwork.load = np.array([1.0, 0.0])
-        # Half of it from the velocity.
+        # Half of the offset is from the velocity.
         velocity = 0.5 * footwork.fall_rate * np.array([*world(*centre), 0.0])
         feet = (ahead[0], 0.1), (ahead[1], -0.1)
         dynamics = moment((0.5 * centre[0], 0.5 * centre[1], 0.6), velocity, feet, (2.5, HEADING))

@@ -59,7 +59,7 @@ def test_a_hexapod_walks_straight_without_sinking_or_a_joint_beyond_its_limit() 
     assert trace.base_position[:, 2].min() > 0.18
     assert np.abs(trace.joint_velocity).max() < 3.6  # targets move at 3.0 at most; the motors' PD lags behind
     assert [note.split(":")[0] for note in trace.notes] == ["tripod"]
-    # No foot in the air counts as standing: there it carries only its own leg's inertia.
+    # No foot in the air counts as standing: it carries only its leg's inertia.
     assert all(touched for _, _, touched in landings.early)
     planned, touched = np.array(landings.planned), np.array(landings.touched)
     assert touched[planned].mean() > 0.98

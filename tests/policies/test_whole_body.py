@@ -1,4 +1,4 @@
-"""Whole-body control against statics worked out by hand and MuJoCo's own inverse dynamics."""
+"""Whole-body control against statics computed by hand and MuJoCo's inverse dynamics."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -257,7 +257,7 @@ def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come
     left = body.foot_of_point == 0
     points = dynamics.point_jacobian[left] @ acceleration + dynamics.point_drift[left]
     slowing = -5.0 * (dynamics.point_jacobian[left] @ dynamics.velocity)
-    # A rigid sole cannot do it at each corner, since these circle about its middle.
+    # A rigid sole cannot slow down each corner, since corners circle about its middle.
     np.testing.assert_allclose(points.mean(axis=0), slowing.mean(axis=0), atol=0.05)
     assert np.abs(dynamics.foot_drift[1]).max() > 0.3
     assert np.abs(dynamics.point_drift[left]).max() > 0.3

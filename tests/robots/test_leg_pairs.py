@@ -59,7 +59,7 @@ def crossed(go1: Robot, hip_rad: float, legs: tuple[int, int]) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("legs", "names"), [((0, 1), ("FR", "FL")), ((2, 3), ("RR", "RL"))])
-def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], names: tuple[str, str]) -> None:
+def test_legs_touch_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], names: tuple[str, str]) -> None:
     """Two legs start to touch at the distance of a shank's and a foot's radius, 12 mm and 23 mm."""
     model = training_model(go1)
     expected = {f"{name}_shank" for name in names}
@@ -76,7 +76,7 @@ def test_legs_meet_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], nam
     assert first == pytest.approx(0.012 + 0.023, abs=1e-3)
 
 
-def test_pairs_stay_on_the_plant_if_legs_collide_only_through_them(own_folder: Path) -> None:
+def test_pairs_stay_on_the_plant_if_legs_collide_only_through_pairs(own_folder: Path) -> None:
     """The robot's shanks and feet touch only through pairs."""
     xml = own_folder / "robot.xml"
     text = xml.read_text().replace('size="0.012"', 'size="0.012" contype="0" conaffinity="0"')

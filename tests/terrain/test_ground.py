@@ -33,7 +33,7 @@ def test_numpy_jax_and_mujoco_agree_on_a_ground(name: str) -> None:
     ground = load_ground(name, seed=3)
     positions = np.random.default_rng(1).uniform(-6.0, 6.0, (300, 2))
     heights = height_at(ground, positions)
-    # MuJoCo divides the squares of a height field into triangles: between grid points it differs.
+    # MuJoCo divides the squares of a height field into triangles: between grid points heights differ.
     np.testing.assert_allclose(
         in_mujoco(ground, positions), heights, atol=1e-5 if ground.stepped[0] else 0.01
     )

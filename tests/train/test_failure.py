@@ -1,7 +1,4 @@
-"""Failing trainings.
-
-One line, the last good checkpoint intact, and a replay that names the first bad value.
-"""
+"""A failing training ends in one line, with its last good checkpoint; a replay names the first bad value."""
 
 import shutil
 from collections.abc import Callable

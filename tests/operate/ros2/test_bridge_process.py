@@ -1,7 +1,4 @@
-"""The bridge, a process with another Python.
-
-It receives the feed, ends with the run, and reports a failure.
-"""
+"""The bridge, a process with another Python: it receives the feed, ends with the run, reports a failure."""
 
 import subprocess
 import sys
