@@ -71,7 +71,7 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
         following = Mode.WALKING
     if following is Mode.LOWERING:
         following = _lowered_or(Mode.RELEASING, state.mode, signals)
-    faults = () if state.mode is Mode.RECOVERING else state.faults  # it stands again: the fall is cleared
+    faults = () if state.mode is Mode.RECOVERING else state.faults  # the robot stands: faults end
     failed = _failure(state, following, signals, config)
     return failed or State(following, now, faults, tries=state.tries)
 
@@ -83,7 +83,7 @@ def _fallen(state: State, signals: Signals, config: SafetyConfig) -> State:
     if state.tries >= limits.tries:
         return damped(state, now, config)
     if waited_s >= max(limits.wait_s, config.damping_s):
-        reason = f"it stays down: for {limits.wait_s:g} s it was not at rest, or nobody asked it to get up"
+        reason = f"the robot stays down: no rest or no request to get up within {limits.wait_s:g} s"
         return State(state.mode, now, (*state.faults, reason), over=True)
     if waited_s < config.damping_s or not signals.recovery.ready:
         return state
@@ -106,7 +106,7 @@ def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -
         fault = check.find(signals, config)
         if fault:
             leads_to = check.leads_to
-            if leads_to is Mode.LOWERING and state.mode is Mode.LOWERING:  # it already lies down
+            if leads_to is Mode.LOWERING and state.mode is Mode.LOWERING:  # the robot already lies down
                 if fault in state.faults:
                     continue
                 return state._replace(faults=(*state.faults, fault))

@@ -101,7 +101,7 @@ def _not_up(s: Signals, c: SafetyConfig) -> str:
     if s.recovery.tried_s < c.recovery.try_s:
         return ""
     done, tries = s.recovery.tries, c.recovery.tries
-    following = ": it stays down" if done >= tries else ""
+    following = ": the robot stays down" if done >= tries else ""
     return f"not standing {c.recovery.try_s:g} s after it started to get up, try {done} of {tries}{following}"
 
 

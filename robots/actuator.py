@@ -33,7 +33,7 @@ class Motor(NamedTuple):
     """
 
     peak_torque: Array  # N m, the current limit
-    stall_torque: Array  # N m, where the torque-speed line meets zero speed
+    stall_torque: Array  # N m, on the torque-speed line at zero speed
     no_load_speed: Array  # rad/s
     friction: Array  # N m, Coulomb friction when fully developed
     friction_speed: Array  # rad/s at which Coulomb friction is fully developed

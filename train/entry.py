@@ -32,8 +32,8 @@ def start_device() -> None:
     # Reserving most of a GPU's memory at once takes a second or two, longer than the rest of its start.
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
     Thread(target=_wake_driver, name="wake driver").start()
-    # Imported here, not in the thread: beside other imports this one would take twice as long, and the device
-    # starts after it.
+    # Imported here, not in the thread: at the same time as other imports this import would take twice as
+    # long, and the device starts after it.
     with suppress(Exception), lasting_objects():  # the next use of JAX reports it
         import_module("jax.numpy")
     Thread(target=_first_operation, name="start device").start()

@@ -126,16 +126,16 @@ def non_colliding_pairs(model: mujoco.MjModel, geoms: Iterable[int]) -> Iterator
     for one, other in combinations(sorted(geoms), 2):
         low, high = sorted(model.geom_bodyid[[one, other]].tolist())
         bits = contype[one] & conaffinity[other] or contype[other] & conaffinity[one]
-        meet = bits and not adjacent(model, low, high) and (low, high) not in excluded
-        if not meet and (one, other) not in listed:
+        touching = bits and not adjacent(model, low, high) and (low, high) not in excluded
+        if not touching and (one, other) not in listed:
             yield one, other
 
 
 def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, float]:
     """Coefficients of the geoms with which Drake's contacts with the ground have MuJoCo's friction.
 
-    MuJoCo uses the coefficient of the geom with the higher priority, or else the larger one. Drake uses
-    2 a b / (a + b). The ground's coefficient is free; with the value chosen here, most geoms keep theirs.
+    MuJoCo uses the coefficient of the geom with the higher priority, or else the larger one. Drake uses 2 a b
+    / (a + b). The ground's coefficient is free; with the value chosen here, most coefficients stay the same.
 
     Raises:
         UserError: parts of the ground differ in friction, or a coefficient is too large.

@@ -1,4 +1,4 @@
-"""Two networks side by side in one."""
+"""Two networks side by side in one network."""
 
 import itertools
 

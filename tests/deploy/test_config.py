@@ -15,7 +15,7 @@ from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.robots.description import Robot
 
-# Refused in a file: a figure out of its range, and figures that contradict each other.
+# Files with these settings are refused: a figure is out of its range, or figures contradict each other.
 REFUSED = (
     "joint_rate_hz: .nan",
     "realtime_priority: 200",
@@ -31,7 +31,7 @@ REFUSED = (
     "safety: {silence_timeout_s: 0.11}",
     "safety: {tilt_limit_rad: 1.6}",  # a robot on its side has fallen
     "safety: {pause_limit_s: 0.003}",  # one tick and a half
-    "safety: {pause_limit_s: 0.09}",  # 1.1 times that and a tick: 0.101 s, when motors have given up
+    "safety: {pause_limit_s: 0.09}",  # 1.1 times that and a tick: 0.101 s, longer than motors wait
     "safety: {late_limit_s: 0.09}",
     "safety: {guard_share: 1.5}",  # 1.5 times 0.07 s and a tick: 0.107 s
     "safety: {start_timeout_s: 0.019, still_s: 0}",  # nine ticks and a half
@@ -59,7 +59,7 @@ def test_bad_settings_are_refused_with_file_and_name(go1: Robot, tmp_path: Path)
 
 
 def refused(settings: type, name: str, value: float) -> bool:
-    """Whether a setting is refused, for any values of the others."""
+    """Whether a setting is refused for any values of the other settings."""
     try:
         settings(**{name: value})
     except (ValueError, UserError) as error:

@@ -38,7 +38,7 @@ def test_any_other_answer_is_a_no(questions: list[str], monkeypatch: pytest.Monk
         confirm("shall it move?", yes=False)
 
 
-def test_without_a_terminal_it_is_refused(questions: list[str]) -> None:
+def test_without_a_terminal_a_question_is_refused(questions: list[str]) -> None:
     with pytest.raises(UserError, match="--yes"):
         confirm("shall it move?", yes=False)
     assert questions == []

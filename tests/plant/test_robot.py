@@ -52,7 +52,7 @@ class TestStart:
         body = SimulatedRobot(go1, wiring, wires)
 
         def received_ids(until_us: int) -> list[int]:
-            """Counters of the gyro frames that arrived, which are only on the IMU's bus."""
+            """Counters of arrived gyro frames. Only the IMU's bus has gyro frames."""
             body.advance(until_us)
             frames = wires.receive(Side.HOST, until_us)
             assert all((batch.channel == wiring.imu_channel).all() for batch in frames)

@@ -35,7 +35,7 @@ def source_revision() -> str:
 
 @cache
 def imported_revision() -> str:
-    """The revision when this process first asks; later changes of the files are not what it runs."""
+    """The revision at this function's first call: the process does not run later changes of the files."""
     return source_revision()
 
 
