@@ -150,7 +150,7 @@ class TestCriteria:
 
     @pytest.mark.parametrize(("tilt", "passes"), [(0.3, True), (0.4, False)])
     def test_on_uneven_ground_the_tilt_has_a_limit(self, go1: Robot, tilt: float, passes: bool) -> None:
-        """For a moment, forwards and to the side at once."""
+        """The base tilts for a moment, forwards and to the side at once."""
         up = UP.copy()
         up[50] = *(np.sin(tilt) * np.array([0.6, -0.8])), np.cos(tilt)
         assert (findings(go1, criteria.upright, up=up) == []) is passes
@@ -167,7 +167,7 @@ class TestCriteria:
     def test_torques_that_do_not_match_the_weight_are_found(
         self, go1: Robot, share: list[float], finds: list[str]
     ) -> None:
-        """An even share of 12.743 kg on each leg, by -J^T f; feet that push each other carry no more."""
+        """Legs carry equal shares of 12.743 kg, by -J^T f, also if feet push against each other."""
         legs, pose = go1.legs, go1.default_pose
         aside = np.array([[60.0, 0.0, 0.0], [-60.0, 0.0, 0.0], [0.0, 60.0, 0.0], [0.0, -60.0, 0.0]])
         for force in (np.zeros((4, 3)), aside):
@@ -204,7 +204,7 @@ class TestCriteria:
 
 
 def test_each_joint_moves_towards_the_middle_of_its_range(go1: Robot) -> None:
-    """Half of the way after a quarter of the time, all of it after half."""
+    """The joint covers half of its path in a quarter of the time, and the whole path in half of it."""
     lower, upper = go1.soft_limits
     way = one_after_the_other(go1, [np.arange(12)], 0.1, 2.0)
     middle = np.where(go1.default_pose < 0.5 * (lower + upper), 1.0, -1.0)
@@ -290,7 +290,7 @@ class TestJudge:
 
 
 def test_a_scale_lowers_gains_and_torque_but_not_damping(go1: Robot) -> None:
-    """For joints at rest at zero: half the gains, and at most half the peak torque of 23.7 and 35.55 N m."""
+    """Joints rest at zero. Gains are halved; torques are at most half the peak of 23.7 and 35.55 N m."""
     driver = open_driver(wiring_of(go1))
     full, half = (JointLayer(go1, driver, ImuReader(0), 1.0, scale) for scale in (1.0, 0.5))
     command = np.zeros((5, 12))
@@ -421,7 +421,7 @@ def test_steps_run_in_their_own_order(shell: Shell, steps_run: list[str], typed:
     assert steps_run == ["hold", "legs", "walk"]
 
 
-def test_no_step_runs_after_a_failed_one(shell: Shell, steps_run: list[str]) -> None:
+def test_no_step_runs_after_a_failed_step(shell: Shell, steps_run: list[str]) -> None:
     done = shell("bring-up", "stand", "--scale", "0.25", "--json", "out.json")
     assert (done.status, steps_run) == (1, ["hold", "joints", "legs", "wiring", "stand"])
     assert_found(done.out.splitlines()[-3:], "stand: failed", "the robot is tilted", "a foot hangs")

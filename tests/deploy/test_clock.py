@@ -14,7 +14,7 @@ from footfall.deploy import clock as clock_module
 from footfall.deploy.clock import WallClock, undisturbed
 
 
-def test_wall_time_keeps_deadlines_and_skips_missed_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wall_time_keeps_deadlines_and_skips_missed_deadlines(monkeypatch: pytest.MonkeyPatch) -> None:
     fake = FakeTime()
     monkeypatch.setattr(clock_module, "time", fake)
     clock = WallClock(2000)

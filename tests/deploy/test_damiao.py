@@ -23,7 +23,7 @@ def driver() -> DamiaoDriver:
 
 class TestFrames:
     def test_a_command_is_encoded_as_in_the_manual(self, driver: DamiaoDriver) -> None:
-        """3.2 rad of 12.5 is 15.7 / 25 of 65535: 41156, 0xa0c4. The range's ends are the code's."""
+        """3.2 rad in ±12.5 is 15.7 / 25 of 65535: 41156, 0xa0c4. The range uses all codes."""
         values = np.array([[-12.5, 3.2], [30.0, -45.0], [0.0, 500.0], [5.0, 0.0], [-10.0, 54.0]])
         frames = driver.command(values)
         assert frames.id.tolist() == [3, 3]

@@ -103,7 +103,7 @@ def test_in_flight_no_foot_stands_and_the_imu_carries_on() -> None:
 
 @pytest.mark.parametrize("kind", ["planned", "unplanned"])
 def test_the_estimate_follows_the_motion(walks: dict[str, Follower], kind: str) -> None:
-    """It drifts by less than a fiftieth of the way; the velocity and the yaw follow."""
+    """The position drifts by less than a fiftieth of the distance; velocity and yaw are accurate."""
     follower = walks[kind]
     steps = np.diff(np.array(follower.truth)[:, :2], axis=0)
     way = np.linalg.norm(steps, axis=1).sum()
@@ -181,18 +181,18 @@ class TestPose:
     def test_the_imus_north_has_no_effect(self, north: float, seed: int) -> None:
         """The same readings with another constant yaw give the same motion and the same odometry."""
         rng = np.random.default_rng(seed)
-        ours, turned = BaseEstimator(ROBOT), BaseEstimator(ROBOT)
+        original, turned = BaseEstimator(ROBOT), BaseEstimator(ROBOT)
         rest = DirectPlant(ROBOT).sensed()
         for tick in range(25):
             sensed = Sensed(*(part + 0.05 * rng.standard_normal(part.shape) for part in rest))
             sensed = sensed._replace(quaternion=sensed.quaternion / np.linalg.norm(sensed.quaternion))
             other = sensed._replace(quaternion=multiply(yawed(north), sensed.quaternion))
             if tick == 0:
-                ours.reset(sensed)
+                original.reset(sensed)
                 turned.reset(other)
-            ours.update(sensed, None, 0.004)
+            original.update(sensed, None, 0.004)
             turned.update(other, None, 0.004)
-        for one, same in zip(ours.odometry(), turned.odometry(), strict=True):
+        for one, same in zip(original.odometry(), turned.odometry(), strict=True):
             np.testing.assert_allclose(one, same, atol=1e-9)
 
     def test_the_covariance_is_in_axes_of_the_heading(self) -> None:
@@ -216,7 +216,7 @@ class TestPose:
 
 class TestHeight:
     def test_the_height_is_that_over_the_centre_of_standing_feet(self) -> None:
-        """All feet at first; then the two on the left are raised by bent knees and carry no load."""
+        """All feet stand at first; then the two left feet are raised by bent knees and carry no load."""
         robot, standing = ROBOT, held()
         estimator = BaseEstimator(robot)
         estimator.reset(standing)

@@ -115,7 +115,7 @@ def test_a_wrong_or_slow_subscriber_affects_no_other(log: McapLog, tmp_path: Pat
     assert read_log(tmp_path / "run.mcap").complete
 
 
-def test_a_feed_in_use_is_refused_and_one_of_an_ended_process_is_replaced(
+def test_a_feed_in_use_is_refused_and_the_feed_of_an_ended_process_is_replaced(
     go1: Robot, log: McapLog, tmp_path: Path
 ) -> None:
     with pytest.raises(UserError, match=r"feed: Address already in use"):
@@ -128,7 +128,7 @@ def test_a_feed_in_use_is_refused_and_one_of_an_ended_process_is_replaced(
     assert not (tmp_path / "unused").exists()
 
 
-def test_a_run_that_ends_while_its_scene_is_loaded_waits_for_that() -> None:
+def test_a_run_that_ends_while_its_scene_is_loaded_waits_for_the_scene() -> None:
     """Extension modules that a daemon thread imports sometimes crash the interpreter at its end."""
     program = """
 import sys, time, types

@@ -9,7 +9,7 @@ from footfall.deploy.interface_time import Pacing
 
 
 def test_a_frame_waits_while_the_queue_would_overflow(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A queue of three: the fourth frame waits for the first, frames of another interface do not."""
+    """The fourth frame waits for the first of three. Frames of another interface do not wait."""
     fake = FakeTime()
     monkeypatch.setattr(interface_time, "time", fake)
     pacing = Pacing(2, queue_frames=3)

@@ -36,7 +36,7 @@ class Stander:
         self.attitude.update(position, joints, up, LOOK_S)
 
     def looks(self, *args: object) -> LegAttitude:
-        """Until it has settled."""
+        """Update until the estimate has settled."""
         for _ in range(2 + round(LIMITS.resting_s / LOOK_S)):
             self.update(*args)  # type: ignore[arg-type]
         return self.attitude

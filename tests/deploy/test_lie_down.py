@@ -78,7 +78,7 @@ def run(robot: Robot, policy: Policy, note: Notebook | None = None, **changes: o
 
 
 def test_a_paths_duration_is_that_of_the_longest_travel() -> None:
-    """One radian at pi/2 rad/s in the middle of the path, which is 1 rad/s on average."""
+    """A travel of one radian has pi/2 rad/s in the middle of the path, and 1 rad/s on average."""
     path = PosePath([np.array([0.0, 0.0]), np.array([0.25, 1.0])], [np.pi / 2])
     assert path.duration_s == pytest.approx(1.0)
     np.testing.assert_allclose(path.at(0.5), [0.125, 0.5])
@@ -101,7 +101,7 @@ class TestPostures:
     def test_feet_reach_the_ground_fast_and_the_rest_is_slow(
         self, go1: Robot, ending: Ending, share: float, rate_rad_s: float
     ) -> None:
-        """From stretched legs, 0.3 rad beyond the default pose; a calf has 0.9 rad from there to lying."""
+        """Legs are stretched by 0.3 rad. From the default pose a calf moves by 0.9 rad to lying."""
         postures, stretched = Postures(go1, CONFIG, lie_down=True), go1.default_pose + np.tile([0, 0, 0.3], 4)
         postures.lie_down(stretched, ending)
         fast_s = 0.5 * np.pi * (0.3 + share * 0.9) / rate_rad_s
@@ -153,8 +153,8 @@ class TestRun:
         released = note.of(Mode.RELEASING)
         assert np.ptp([tick.height_m for tick in released]) < 0.01  # nothing drops
 
-    def test_a_policy_that_fails_at_top_speed_leaves_it_lying_on_its_belly(self, go1: Robot) -> None:
-        """Its kinetic energy would lift it by 0.17 m, so it would turn over on feet that stop under it."""
+    def test_a_policy_that_fails_at_top_speed_leaves_the_robot_on_its_belly(self, go1: Robot) -> None:
+        """The kinetic energy would lift the robot by 0.17 m and turn it over if its feet stopped."""
         policy = InjectingPolicy(load_policy("go1-flat", go1))
 
         def fail(loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -188,7 +188,7 @@ class TestDescription:
 
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
     def test_only_base_and_feet_touch_the_ground(self, name: str) -> None:
-        """By MuJoCo's own collisions, a few millimetres into it."""
+        """Contacts are MuJoCo's own, up to a few millimetres deep."""
         robot = load_robot(name)
         wiring = wiring_of(robot)
         body = SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses), PlantConfig(lying=True))

@@ -123,7 +123,7 @@ class TestFaults:
 
     @pytest.mark.parametrize("failed", [False, True])
     def test_a_run_that_a_guard_ended_has_its_fault_and_time(self, go1: Robot, failed: bool) -> None:
-        """Also after another fault."""
+        """The fault is recorded even after another fault."""
         taken: list[bool] = []
         log = Notebook()
         loop, body = loop_of(go1, Hold(go1), log=log, taken_over=lambda: bool(taken))

@@ -104,7 +104,7 @@ class TestSettings:
 
     @pytest.mark.parametrize(("setting", "message"), [(0, "has no"), (20_000, "1 s")])
     def test_a_motor_that_ignores_it_is_disabled(self, wiring: Wiring, setting: int, message: str) -> None:
-        """It confirms the write, and reports its old setting."""
+        """The motor confirms the write, but reports its old setting."""
         driver, end = open_driver(wiring), open_motor_end(wiring)
         settings, time_out = self.own(end)
         settings[time_out] = setting

@@ -59,8 +59,8 @@ class TestSubframes:
 
 
 class TestFrames:
-    def test_a_command_equals_the_one_calculated_by_hand(self) -> None:
-        """To id 3 from 0x7d with a reply: 0.25, 0.5 turns (/s), 1.5 N m, half kp, a quarter kd, 100 ms."""
+    def test_a_command_equals_the_command_calculated_by_hand(self) -> None:
+        """From 0x7d to id 3, with a reply: 0.25, 0.5 turns (/s), 1.5 N m, half kp, a quarter kd, 100 ms."""
         driver = open_driver(TWO)
         one = [0.25 * TURN, 0.5 * TURN, 0.5 * PER_RAD[0], 0.25 * PER_RAD[1], 1.5]
         sent = driver.command(np.array([one, np.zeros(5)]).T)
@@ -72,7 +72,7 @@ class TestFrames:
         )
         assert not sent.data[:, 48:].any()
 
-    def test_a_reply_equals_the_one_calculated_by_hand(self) -> None:
+    def test_a_reply_equals_the_reply_calculated_by_hand(self) -> None:
         end = open_motor_end(TWO)
         report = Report(READINGS, np.zeros(2, np.uint64), np.array([True, False]), 20, (12.0, 1.0))
         sent = end.reply(slice(None), report)
@@ -111,7 +111,7 @@ class TestFrames:
         assert not open_driver(TWO).replies(reply(content)).values.size
 
 
-def test_a_silent_host_stops_them_until_they_are_stopped(go1: Robot) -> None:
+def test_motors_time_out_if_the_host_is_silent_and_stay_off_until_stopped(go1: Robot) -> None:
     """Commands contain a time-out of 100 ms. A motor that has timed out stays off until it is stopped."""
     driver, end = open_driver(TWO), open_motor_end(TWO)
     figures = {name: value[:2] for name, value in go1.motor._asdict().items() if value is not None}

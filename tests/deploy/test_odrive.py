@@ -60,7 +60,7 @@ def driver() -> OdriveDriver:
 
 
 def command(driver: OdriveDriver, **rows: float) -> list[float]:
-    """Torques that go out for one command to both axes, N m at the rotor."""
+    """Torques sent for one command to both axes, N m at the rotor."""
     values = np.zeros((5, 2))
     for name, value in rows.items():
         values[JointCommand._fields.index(name)] = value
@@ -182,7 +182,7 @@ class TestStart:
         ],
     )
     def test_a_watchdog_is_read_and_has_limits(self, on: int, waits_s: float, reason: str) -> None:
-        """Endpoints of the knee, 0x19a and 0x199: little-endian after a 0 for reading.
+        """The knee's endpoints are 0x19a and 0x199, little-endian, after a 0 for reading.
 
         The switch is one byte.
         """

@@ -38,14 +38,14 @@ def found(robot: Robot, position: float, lower: float, upper: float, margin_rad:
     ],
 )
 def test_a_position_may_be_off_by_whole_turns_alone(go1: Robot, position: float, turns: str) -> None:
-    """A range from 1 to 2 rad."""
+    """The joint's range is 1 to 2 rad."""
     fault = found(go1, position, 1.0, 2.0)
     assert fault.startswith("joint 4 reads")
     assert turns in fault
     assert ("of the joint" in fault) is bool(turns)
 
 
-def test_a_joint_off_by_a_turn_of_its_rotor_is_reported_as_that(go1: Robot) -> None:
+def test_a_joint_off_by_a_turn_of_its_rotor_is_reported(go1: Robot) -> None:
     """A hip's gear ratio is 6.33.
 
     One turn of the rotor is 0.99 rad, less than the joint's range of 1.7 rad.

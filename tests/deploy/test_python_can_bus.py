@@ -19,7 +19,7 @@ class FakeCan:
     VALID_INTERFACES = frozenset({"slcan", "virtual", "udp_multicast"})
 
     class CanError(Exception):
-        """As python-can's."""
+        """Stands in for python-can's error."""
 
     def __init__(self) -> None:
         self.opened: list[dict] = []
@@ -140,7 +140,7 @@ class TestPythonCanBus:
         assert bus.statistics()[0].frames_received == 4
 
     def test_a_frame_has_its_arrivals_time(self, can: FakeCan, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Read 2 ms after the last time: 1.5 ms and 0.5 ms old, one from before, one from the future."""
+        """Frames are read 2 ms later: two are 1.5 and 0.5 ms old, one is older, one has a future time."""
         fake = FakeTime()
         monkeypatch.setattr(interface_time, "time", fake)
         bus = PythonCanBus("slcan", ("can0",), ({"can_id": 0, "can_mask": 0, "extended": False},))

@@ -100,7 +100,7 @@ FAULTS: dict[str, Callable[[FrameRobot, ControlLoop], object]] = {
 
 
 class TestOnFrames:
-    def test_it_gets_up_stands_and_walks_on_under_the_policy_that_walked(self, go1: Robot) -> None:
+    def test_a_robot_gets_up_stands_and_walks_on_under_the_policy_that_walked(self, go1: Robot) -> None:
         source = SourceWithWish()
         loop, body, walks, rises = fallen(go1, command_source=source)
         until(loop, Mode.RECOVERING)
@@ -120,7 +120,7 @@ class TestOnFrames:
         to_the_end(loop)
         assert loop.walked_s < loop.now_us * 1e-6 - (recovered.stood_s - recovered.fell_s)
 
-    def test_after_all_tries_it_stays_down(self, go1: Robot) -> None:
+    def test_after_all_tries_the_robot_stays_down(self, go1: Robot) -> None:
         loop, *_, rises = fallen(go1)
         modes = to_the_end(loop)
         assert modes == [Mode.FALLING, Mode.RECOVERING] * 2 + [Mode.FALLING]
@@ -141,7 +141,7 @@ class TestOnFrames:
         assert 0.0 < loop.walked_s < 1.5
 
 
-class TestFaultsWhileItGetsUp:
+class TestFaultsWhileGettingUp:
     @pytest.mark.parametrize("fault", FAULTS)
     @pytest.mark.parametrize("mode", [Mode.RECOVERING, Mode.FALLING])
     def test_it_stays_down(self, go1: Robot, monkeypatch: pytest.MonkeyPatch, fault: str, mode: Mode) -> None:

@@ -81,7 +81,7 @@ def decided(steps: int, *changes: tuple[int, int, float]) -> list[np.ndarray]:
 
 class TestReplay:
     def test_the_first_and_the_worst_difference_are_found(self, go1: Robot, tmp_path: Path) -> None:
-        """Differences of 0.25 at step 1, 2.0 at step 2 and 0.5 at step 3; infinite for NaN."""
+        """The differences are 0.25 at step 1, 2.0 at step 2 and 0.5 at step 3, and infinite for NaN."""
         changes = (1, 17, -0.25), (1, 3, 0.125), (2, 59, 2.0), (3, 0, 0.5)
         path = write_steps(tmp_path / "a.mcap", decided(5, *changes), 5)
         for tolerance, step in ((0.0, "step 1"), (0.2499, "step 1"), (0.25, "step 2"), (2.0, "")):
@@ -196,7 +196,7 @@ class TestRecover:
 # -- output ------------------------------------------------------------------------------------------
 
 
-class Seeing(Hold):
+class Observing(Hold):
     """A policy with its own observation and action."""
 
     observed = np.array([1.5, 2.5, 3.5], dtype=np.float32)
@@ -210,7 +210,7 @@ START_NS = 1_700_000_000_123_456_789
 def log(go1: Robot, tmp_path: Path) -> McapLog:
     (tmp_path / "run.mcap").write_bytes(b"an older and much longer file" * 10_000)
     facts = {"seed": 5, "policy": "by another name"}
-    log = McapLog(tmp_path / "run.mcap", go1, Seeing(go1), facts, may_wait=True)
+    log = McapLog(tmp_path / "run.mcap", go1, Observing(go1), facts, may_wait=True)
     log.begin(START_NS)
     return log
 
@@ -231,7 +231,7 @@ class TestWritten:
         upright = np.array([1.0, 0.1, 0.2, 0.3])
         sensed = Sensed(np.array([1.0, 2, 3]), np.array([4.0, 5, 6]), upright, n + 1, n + 2, n + 3)
         seen = PolicyInput(0.75, sensed, np.array([0.1, 0.2, 0.3]), np.array([7.0, 8, 9]), 0.31)
-        log.policy_step(1_500_000, seen, command, Seeing(go1))
+        log.policy_step(1_500_000, seen, command, Observing(go1))
         log.note(1_600_000, "a note")
         log.order(1_700_000, Order(OrderKind.STOP, "page 2", "stopped by page 2"))
         log.close()
@@ -247,8 +247,8 @@ class TestWritten:
         for topic, numbers in (
             ("/policy/inputs", inputs),
             ("/policy/command", np.concatenate(command)),
-            ("/policy/observation", Seeing.observed),
-            ("/policy/action", Seeing.action),
+            ("/policy/observation", Observing.observed),
+            ("/policy/action", Observing.action),
         ):
             message = found[topic][0][1]
             assert list(message.data) == list(numbers)

@@ -230,7 +230,7 @@ class TestGettingUp:
         for changes in ({"now_s": 3.9 + LEAST_S}, {"recovery.ready": False}):
             assert following(fallen, LIES | changes) == fallen
 
-    def test_without_consent_or_tries_it_stays_down(self) -> None:
+    def test_without_consent_or_tries_the_robot_stays_down(self) -> None:
         end = State(F, 5.0, ("fell",), over=True)
         assert following(State(F, 4.0, ("fell",)), LIES | NO_CONSENT) == end
         spent = State(F, 4.0, ("fell",), tries=LIMITS.tries)
@@ -241,7 +241,7 @@ class TestGettingUp:
         state = following(State(F, 4.0, ("fell",)), changes)
         assert (state.mode, state.over, len(state.faults)) == (F, True, 2)
 
-    def test_a_fault_keeps_it_down(self) -> None:
+    def test_a_fault_keeps_the_robot_down(self) -> None:
         state = following(State(F, 4.0, ("fell",)), LIES | {"motors.error": "x"})
         assert state == State(E, 5.0, ("fell", "x"))
 
@@ -254,7 +254,7 @@ class TestGettingUp:
             tips = with_changes(FAULTLESS, {"imu.tilt_rad": 2.0, "now_s": 5.0 + walked_s})
             assert advance(walks, tips, CONFIG).tries == tries
 
-    def test_the_end_of_the_run_leaves_it_down(self) -> None:
+    def test_the_end_of_the_run_leaves_the_robot_down(self) -> None:
         up = State(U, 4.0, ("fell",), tries=1)
         assert following(up, {"end.finish": True}) == up._replace(mode=F, since_s=5.0)
 

@@ -1,6 +1,6 @@
 """Checks of the base.
 
-The IMU's readings against each other, and the base's height and attitude by the legs.
+They compare the IMU's readings with each other, and the base's height and attitude with the legs.
 """
 
 import math
@@ -37,7 +37,7 @@ def about(axis: str, angle_rad: float) -> tuple[float, float, float, float]:
 
 
 def test_the_difference_to_the_gyro_adds_up_and_fades(go1: Robot) -> None:
-    """A turn of 0.05 rad at once, and a gyro that reports 0.5 rad/s about another axis ever since."""
+    """The base turns by 0.05 rad at once; from then on the gyro reports 0.5 rad/s about another axis."""
     windows = BodyWindows(go1, Rotation)
     reading = Inertial((0.0, 0.5, 0.0), (0.0, 0.0, 9.81), about("x", 0.05))
     assert windows.update(reading) == pytest.approx(math.hypot(0.05, 0.01), abs=1e-4)
@@ -58,7 +58,7 @@ class TestRepeated:
 
     @staticmethod
     def turning(k: int) -> Inertial:
-        """About z at 0.1 rad/s, 0.004 rad in a window, by the quaternion alone."""
+        """A window in which only the quaternion turns, about z at 0.1 rad/s: by 0.004 rad."""
         return STILL._replace(quaternion=about("z", 0.1 * k * 0.004))
 
     def test_an_acceleration_counts_half_where_the_body_does_not_turn(self, go1: Robot) -> None:
@@ -78,7 +78,7 @@ class TestRepeated:
 class TestGravity:
     @pytest.mark.parametrize("quaternion", ATTITUDES)
     def test_in_motion_the_mean_acceleration_counts(self, go1: Robot, quaternion: list[float]) -> None:
-        """Over 1 s, of which a window is 40 ms; before, it was gravity's opposite."""
+        """The mean is over 1 s, a window takes 40 ms. Before, acceleration was the opposite of gravity."""
         acceleration = np.array([3.0, -5.0, 7.0])
         reading = Inertial((0.0,) * 3, tuple(acceleration), tuple(quaternion))
         world = ScipyRotation.from_quat(quaternion, scalar_first=True).apply(acceleration)

@@ -31,17 +31,17 @@ def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tu
 
 
 class TestDrift:
-    """A position against a velocity."""
+    """Travel by position against travel by velocity."""
 
     @pytest.mark.parametrize("factor", [-1.0, 0.0, 0.5, 2.0])
     def test_a_velocity_of_another_sign_or_unit_is_noticed(self, go1: Robot, factor: float) -> None:
-        """Opposite motions do not cancel out: noticed within half a second, for this joint alone."""
+        """Opposite motions do not cancel out: the fault is noticed within 0.5 s, for this joint alone."""
         drift = measured(go1, Drift, lambda t: (swing(t)[0], factor * swing(t)[1]), samples=125)
         assert drift[0] > LIMITS.drift_rad
         assert (drift[1:] == 0.0).all()
 
     def test_the_drift_is_a_root_of_squares_minus_a_share(self, go1: Robot) -> None:
-        """1 rad/s while nothing moves: on average 22 ms of the first 40. A fifth of 40 mrad passes.
+        """1 rad/s without motion count for 22 ms of the first 40 on average. A fifth of 40 mrad passes.
 
         The next ten readings are 40 ms later than these.
         """
@@ -54,10 +54,10 @@ class TestDrift:
 
 
 class TestWander:
-    """The same with its sign."""
+    """Sum of the signed differences of travel."""
 
     def test_an_encoder_that_drifts_beside_its_velocity_is_noticed(self, go1: Robot) -> None:
-        """1 rad/s beside a swing: 0.04 rad a window, 0.022 the first as above, and all of it fades.
+        """The encoder drifts at 1 rad/s beside a swing: 0.04 rad per window, 0.022 in the first; all fades.
 
         The fastest, 1.24 rad/s at the first window, fades likewise: 5 ms of it are the motor's filter's, and
         half of a sample's 4 ms may go unseen.
@@ -87,7 +87,7 @@ class TestWander:
 
 @pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
 def test_a_stuck_reading_is_noticed_early(go1: Robot, reading: tuple[float, float]) -> None:
-    """0.2 rad/s: 0.0044 rad in the first window, 0.008 in others, which fade; 7 ms of it pass."""
+    """At 0.2 rad/s the joint moves 0.0044 rad in the first window and 0.008 in others, which fade."""
     position, velocity = reading
 
     def read(time_s: float) -> tuple[float, float]:
@@ -103,7 +103,7 @@ def test_a_stuck_reading_is_noticed_early(go1: Robot, reading: tuple[float, floa
 
 
 class TestTorqueStuck:
-    """A torque that equals the previous one to the last digit while the command changes. In peak torques."""
+    """A torque that equals the previous torque while the command changes, relative to the peak torque."""
 
     def stuck(self, robot: Robot, reported: float, samples: int, stiffness: float = 0.0) -> float:
         """The command rises by the peak torque a second: 0.04 from each window to the next."""
@@ -114,7 +114,7 @@ class TestTorqueStuck:
         return float(share[0])
 
     def test_a_stuck_torque_counts_from_its_first_window_to_the_last_but_one(self, go1: Robot) -> None:
-        """By 0.04, 0.08 and 0.12, of which 0.03 may be hidden each time."""
+        """The torque should change by 0.04, 0.08 and 0.12, of which 0.03 may be hidden each time."""
         assert [self.stuck(go1, 0.3, samples) for samples in (10, 20)] == [0.0, 0.0]
         added_up = [0.01, 0.01 + 0.05, 0.01 + 0.05 + 0.09]
         assert [self.stuck(go1, 0.3, samples) for samples in (30, 40, 50)] == pytest.approx(added_up)
@@ -134,7 +134,7 @@ class TestTorqueStuck:
     def test_a_stuck_torque_is_zero_for_a_sound_motor(
         self, go1: Robot, share: Callable[[float], tuple[float, float]], samples: Sequence[int]
     ) -> None:
-        """Reported and commanded shares of the peak torque; frames are ten times finer."""
+        """The motor reports the commanded shares of the peak torque; frames are ten times finer."""
         peak = float(go1.motor.peak_torque[0])
 
         def torque(time_s: float) -> tuple[float, float]:
@@ -145,10 +145,10 @@ class TestTorqueStuck:
 
 
 class TestOpposing:
-    """A motor's report against its command."""
+    """A motor's reported torque against its command."""
 
     def commanded(self, robot: Robot, reported: float, lag_s: float = 0.0) -> float:
-        """A tenth of the peak torque and a half, to and fro, of which a share is reported, later."""
+        """Commands alternate between shares of the peak torque; a share of them is reported, later."""
         peak = float(robot.motor.peak_torque[0])
 
         def wave(time_s: float) -> float:
@@ -177,7 +177,7 @@ class TestOpposing:
         assert late[0] < 0.5 * LIMITS.opposing
 
     def test_a_still_joint_counts_but_for_a_readings_rounding(self, go1: Robot) -> None:
-        """A fifth of the peak in the opposite direction.
+        """The torque is a fifth of the peak in the opposite direction.
 
         100 N m/rad make 0.2 N m of a rounding of 0.002 rad.
         """
@@ -186,7 +186,7 @@ class TestOpposing:
         assert found[0] == pytest.approx(fifth / (fifth - 0.2))
 
     def test_a_motor_with_a_small_command_hardly_counts(self, go1: Robot) -> None:
-        """1 % of the peak torque against the 5 % from which on a direction counts: 0.01^2 / 0.05^2."""
+        """The torque is 1 % of the peak; a direction counts from 5 %: the weight is 0.01^2 / 0.05^2."""
         little = 0.01 * float(go1.motor.peak_torque[0])
         found = measured(go1, Opposing, torque=lambda _: (-little, little))
         assert found[0] == pytest.approx(0.04, rel=0.05)
@@ -197,7 +197,7 @@ class TestOpposing:
     [(0.01, 0.5, 0.2), (0.01, 0.045, 0.1), (0.03, 0.5, 0.0), (0.0, 0.03, 0.0)],
 )
 def test_the_time_of_a_limp_motor(go1: Robot, reported: float, expected: float, limp_s: float) -> None:
-    """Shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
+    """Torques are shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
     peak = float(go1.motor.peak_torque[0])
     found = measured(go1, Limp, torque=lambda _: (reported * peak, expected * peak), samples=50)
     assert found[0] == pytest.approx(limp_s, abs=1e-12)
@@ -209,7 +209,7 @@ class TestReplyRepeated:
     STIFFNESS = 50.0
 
     def frozen(self, robot: Robot, reported: float, samples: int, target: Callable[[float], float]) -> float:
-        """Of a joint at 0 rad that reports the same torque, of the peak, while its target moves."""
+        """Value of a joint at 0 rad that reports the same share of peak torque while its target moves."""
         peak = float(robot.motor.peak_torque[0])
 
         def torque(time_s: float) -> tuple[float, float]:

@@ -36,7 +36,7 @@ class Link:
         older: int = 0,
         resting: bool = False,
     ) -> float:
-        """What the check measures after one more window, of motor 3 or of the IMU."""
+        """The check's value after one more window, of motor 3 or of the IMU."""
         replies = self.replies + TICKS
         replies[3] += answers - TICKS
         self.replies, self.older = replies, self.older + older
@@ -126,7 +126,7 @@ class TestSlow:
         assert measured(go1, Creep, samples=2000).max() < 0.5 * LIMITS.creep_rad
 
     def test_a_gait_synchronous_with_the_readings_is_no_drift(self, go1: Robot) -> None:
-        """Five strides a second at 1.5 rad/s: all turn back at the same moment between two readings."""
+        """A gait with five strides a second at 1.5 rad/s always turns back between the same two readings."""
         up_s = 0.1 + 0.15 * 0.004
 
         def stride(time_s: float) -> tuple[float, float]:
@@ -169,7 +169,7 @@ class TestIgnored:
         target: Callable[[float], float] | None = None,
         stiffness: Callable[[float], float] = lambda _: 20.0,
     ) -> float:
-        """What the check measures after 1.2 s of a motor that pulls to this target with 20 N m/rad."""
+        """The check's value after 1.2 s of a motor that pulls to this target with 20 N m/rad."""
         readings, sent, joints = JointReadings(go1, Ignored), np.zeros((5, 12)), np.zeros((3, 12))
         sent[2], sent[3] = 20.0, 0.5
         readings.begin(0, np.zeros(12, np.int64), joints)

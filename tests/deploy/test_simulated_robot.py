@@ -37,7 +37,7 @@ class Bench:
         self.imu: dict[int, bytes] = {}
 
     def tick(self, data: np.ndarray | None = None) -> None:
-        """Send one frame to each motor (or nothing), let a tick pass, read what comes back."""
+        """Send one frame to each motor (or nothing), let a tick pass, read the replies."""
         if data is not None:
             w = self.wiring
             self.wires.send(

@@ -114,7 +114,7 @@ def test_a_wish_other_than_to_walk_means_a_zero_command(steering: Steering, sour
         assert (steering.command.tolist(), steering.lie_down) == ([0.0, 0.0, 0.0], lies)
 
 
-def test_a_stop_is_latched_and_a_damping_one_replaces_it(steering: Steering, source: ScriptedSource) -> None:
+def test_a_stop_is_latched_and_a_damping_stop_replaces_it(steering: Steering, source: ScriptedSource) -> None:
     assert steering.stop is None
     source.stopped = Stop("by hand")
     assert steering.stop == Stop("by hand")

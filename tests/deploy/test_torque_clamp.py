@@ -41,7 +41,7 @@ readings = arrays.arrays(float, (3, N), elements=st.floats(-1.0, 1.0))  # of a f
 wirings = st.sampled_from(sorted(WIRINGS)).map(WIRINGS.__getitem__)
 
 
-class Ends:
+class Pair:
     """A joint layer that has received readings, and the motors that receive its frames."""
 
     def __init__(self, wiring: Wiring, share: np.ndarray, target: np.ndarray) -> None:
@@ -112,7 +112,7 @@ def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def test_commands_in_limits(
     wiring: Wiring, decision: np.ndarray, share: np.ndarray, start: np.ndarray
 ) -> None:
-    ends = Ends(wiring, share, 12.5 * start[0])
+    ends = Pair(wiring, share, 12.5 * start[0])
     for _ in range(2):
         assert ends.excess(ends.layer.command(JointCommand(*decision))).max() <= 0.0
 
@@ -120,8 +120,8 @@ def test_commands_in_limits(
 @settings(max_examples=60, deadline=None)
 @given(wiring=wirings, kd=st.floats(0.0, 1e6), share=readings)
 def test_damping_without_readings_in_limits(wiring: Wiring, kd: float, share: np.ndarray) -> None:
-    """Frames made from the latest speeds, which motors receive repeatedly."""
-    ends = Ends(wiring, share, ROBOT.default_pose)
+    """Motors repeatedly receive frames made from the latest speeds."""
+    ends = Pair(wiring, share, ROBOT.default_pose)
     for frames in 2 * ends.driver.damping(ends.layer.possible_damping(kd)):
         decoded = ends.decoded(frames)
         if np.isfinite(decoded.kd).all():
@@ -133,5 +133,5 @@ def test_damping_is_lowered_only_as_far_as_necessary() -> None:
     speed = np.zeros((3, N))
     speed[1] = 10.0 / 50.0  # of a frame's range
     np.testing.assert_allclose(
-        Ends(WIRING, speed, ROBOT.default_pose).layer.possible_damping(3.0), 4 * [2.37, 2.37, 3.0], rtol=2e-3
+        Pair(WIRING, speed, ROBOT.default_pose).layer.possible_damping(3.0), 4 * [2.37, 2.37, 3.0], rtol=2e-3
     )

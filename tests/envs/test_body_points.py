@@ -65,7 +65,7 @@ def sunk_to(data: StepData, bottom_m: float) -> StepData:
     return data._replace(qpos=data.scene.base.at_height(data.qpos, jnp.float32(bottom_m + 0.05)))
 
 
-def test_a_trunk_in_the_ground_ends_the_episode_but_standing_not(standing: StepData) -> None:
+def test_a_trunk_in_the_ground_ends_the_episode_and_standing_does_not(standing: StepData) -> None:
     assert collision(standing) == 0.0
     assert not base_contact(standing)
     lying = sunk_to(standing, -0.02)

@@ -46,7 +46,7 @@ def test_a_task_that_raises_is_reported_in_one_line_and_the_others_finish() -> N
     assert [outcome.value for outcome in outcomes] == [0, 1, 4, None, 16]
 
 
-def test_a_process_that_dies_takes_its_own_task_only() -> None:
+def test_a_killed_process_loses_only_its_own_task() -> None:
     outcomes = run_all(die_at_three, range(6), workers=2)
     assert outcomes[3].error == "its process died"
     assert [outcome.value for outcome in outcomes] == [0, 1, 4, None, 16, 25]
@@ -61,7 +61,7 @@ def variable(name: str) -> str | None:
     return os.environ.get(name)
 
 
-def test_the_workers_new_variables_are_gone_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variables_for_workers_are_removed_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FOOTFALL_TEST", "before")
     monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
     monkeypatch.delenv("FOOTFALL_NEW", raising=False)
@@ -97,7 +97,7 @@ else:
 
 
 def test_ctrl_c_while_processes_load_their_modules_prints_nothing(tmp_path: Path) -> None:
-    """In a process group of its own, as from a terminal, whose Ctrl-C goes to all processes."""
+    """The command runs in its own process group, as in a terminal, where Ctrl-C reaches all processes."""
     (tmp_path / "script.py").write_text(INTERRUPTED)
     command = [sys.executable, "script.py"]
     done = subprocess.run(

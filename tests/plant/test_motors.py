@@ -108,7 +108,7 @@ class TestMotors:
         )
 
     def test_a_learned_part_of_the_law_acts_as_in_training(self) -> None:
-        """The steps are long enough for the memory to have an effect."""
+        """The steps are so long that the memory has an effect."""
         net = some_net(3)
         values = np.array([[1.0], [0.0], [1.0], [1.0], [0.0]]) * VALUES
         stand = Stand(net)
@@ -121,11 +121,11 @@ class TestMotors:
         for step in range(4):
             position, velocity = POSITION + 0.01 * step, (1.0 - 0.5 * step) * VELOCITY
             torque = stand.motors.torque(step, position, velocity)
-            ours = stand.motors.at_joint(position, velocity, torque)
-            theirs = effort(position, velocity, memory)
-            np.testing.assert_allclose(ours, theirs.torque, rtol=1e-4, atol=1e-4)
-            memory = theirs.net_memory
-            learned = ours - torque - stand.motors.drivetrain.friction(velocity, torque)
+            simulated = stand.motors.at_joint(position, velocity, torque)
+            trained = effort(position, velocity, memory)
+            np.testing.assert_allclose(simulated, trained.torque, rtol=1e-4, atol=1e-4)
+            memory = trained.net_memory
+            learned = simulated - torque - stand.motors.drivetrain.friction(velocity, torque)
         assert (np.abs(learned) > 0.01).all()
 
     def test_a_delay_holds_back_commands_but_not_switching(self) -> None:
@@ -148,7 +148,7 @@ class TestMotors:
         mixed[:, 1] = VALUES[:, 1]
         np.testing.assert_allclose(stand.torque(9)[1:], torque_of(mixed)[1:])
 
-    def test_jitter_holds_back_commands_and_never_brings_an_older_one_after_a_newer_one(self) -> None:
+    def test_jitter_delays_commands_but_keeps_their_order(self) -> None:
         stand = Stand(action_delay_s=0.002, action_jitter_s=0.012)
         stand.on()
         late = []
@@ -173,7 +173,7 @@ class TestMotors:
         assert stand.end.next is not None
         np.testing.assert_array_equal(stand.end.next.values, VALUES[:, [2, 1]])  # not written to
 
-    def test_a_motor_enabled_again_continues_a_disabled_one_is_limp(self) -> None:
+    def test_a_motor_enabled_again_continues_and_a_disabled_motor_is_limp(self) -> None:
         stand = Stand()
         stand.on()
         stand.ask(0, slice(None), None, VALUES)
@@ -185,7 +185,7 @@ class TestMotors:
         assert found[1] == 0.0
 
     def test_a_motor_without_commands_disables_itself_and_reports_it_until_enabled(self) -> None:
-        """After 20 steps, checked every fifth."""
+        """The motor disables itself after 20 steps; every fifth step is checked."""
         stand = Stand()
         stand.on()
         stand.ask(0, slice(None), None, VALUES)

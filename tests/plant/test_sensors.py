@@ -315,7 +315,7 @@ class TestSensors:
 
     def test_biases_are_the_same_at_every_reading(self) -> None:
         gyro, gravity = np.array([0.1, -0.2, 0.3]), np.array([0.03, -0.05, 0.02])
-        past = Past(gyro_bias=gyro, gravity_bias=gravity, encoder_bias=np.array([9.0, 9.0]))
+        past = PastReadings(gyro_bias=gyro, gravity_bias=gravity, encoder_bias=np.array([9.0, 9.0]))
         past.step(1)
         turn = Rotation.from_euler("xyz", [0.1, 0.2, -0.3])
         down = turn.inv().apply([0.0, 0.0, -1.0]) + gravity

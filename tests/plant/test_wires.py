@@ -31,7 +31,7 @@ def numbers(batches: list[Frames]) -> list[int]:
 
 
 def test_motors_on_a_jammed_bus_drop_frames_instead_of_queueing_forever() -> None:
-    """They hold frames for 20 ms."""
+    """Motors keep frames for 20 ms."""
     wires = SimulatedWires(("a",))
     for _ in range(100):
         wires.send(Side.ROBOT, frames(*[0] * 10), 0)
@@ -41,7 +41,7 @@ def test_motors_on_a_jammed_bus_drop_frames_instead_of_queueing_forever() -> Non
 
 
 def test_a_bus_counts_sent_and_received_frames() -> None:
-    """Three frames of 135 us on the first wire in one millisecond."""
+    """Within one millisecond, the first wire carries three frames of 135 us."""
     wires = SimulatedWires(("a", "b"))
     wires.send(Side.HOST, frames(0, 0, 1), 0)
     wires.send(Side.ROBOT, frames(0), 0)
@@ -53,7 +53,7 @@ def test_a_bus_counts_sent_and_received_frames() -> None:
 
 
 def test_layouts_that_never_repeat_are_counted_and_do_not_fill_the_memory() -> None:
-    """As with a protocol that carries values in its identifiers."""
+    """Some protocols carry values in identifiers, so layouts never repeat."""
     wires = SimulatedWires(("can0", "can1"))
     with memory_growth() as kilobytes:
         for number in range(2000):
@@ -78,7 +78,7 @@ def test_a_full_queue_of_the_host_refuses_the_rest() -> None:
 
 
 def test_frames_have_their_arrival_time() -> None:
-    """135 us each, one after another on the first wire; the second batch is read in two pieces."""
+    """Frames on the first wire take 135 us each, one after another. The second batch is read in two parts."""
     wires = SimulatedWires(("a", "b"))
     wires.send(Side.ROBOT, frames(0, 0, 1), 1000)
     (batch,) = wires.receive(Side.HOST, 2000)

@@ -1,4 +1,4 @@
-"""Permitted imports between modules, and the import time of the acting wing."""
+"""Permitted imports between modules, and the import time of the packages that act."""
 
 import ast
 import subprocess
@@ -27,7 +27,7 @@ LEARNING_ONLY = (
 )
 DRAWING = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL", "scipy")  # not installed on a robot's computer
 
-# Each package, and those that it may import; itself always. footfall's own files may import all.
+# Each package, and the other packages that it may import. The package footfall may import all.
 ALLOWED = {
     "common": set(),
     "robots": {"common"},
@@ -65,7 +65,7 @@ OPTIONAL = (
     "footfall.plant.engines.motrix_engine",
 )
 IMPORT_BUDGET_S = 1.0
-CI_SLACK = 3.0  # a busy or cold machine imports slower; the figure itself is printed
+CI_SLACK = 3.0  # a busy or cold machine imports more slowly; the measured time is printed
 
 
 def modules(package: str) -> Iterator[tuple[str, Path]]:
@@ -126,8 +126,8 @@ def circles(room: str) -> list[str]:
 
 
 @pytest.mark.parametrize("room", ROOMS)
-def test_no_circles_inside_a_room(room: str) -> None:
-    """Also if an import stands inside a function: it is a circle all the same."""
+def test_no_import_cycles_within_a_room(room: str) -> None:
+    """An import inside a function counts too."""
     assert circles(room) == []
 
 
@@ -170,9 +170,9 @@ def test_a_blocked_module_cannot_be_imported() -> None:
 
 
 def test_acting_packages_import_fast_and_without_learning(capsys: pytest.CaptureFixture[str]) -> None:
-    """CPU time, which a busy machine does not lengthen much; tried again, when its files are in memory.
+    """CPU time is measured, which depends little on the load; a second try has the files in memory.
 
-    That the report's own modules load no learning library, a test above shows.
+    Modules of the report are tested above.
     """
     for _ in range(3):
         seconds, loaded = import_apart(without_report(importable(*ACTING)))
@@ -192,7 +192,7 @@ print(status, sorted(name for name in sys.modules if name.startswith("footfall.p
 """
 
 
-def test_deploying_on_a_robot_imports_no_simulated_one() -> None:
+def test_deploy_on_a_robot_imports_no_simulation() -> None:
     done = subprocess.run(
         [sys.executable, "-c", DEPLOY_ON_SOCKETCAN], cwd=ROOT, capture_output=True, text=True, check=True
     )

@@ -251,7 +251,7 @@ def test_points_are_ranked_by_their_mean_not_by_their_best_seed() -> None:
     assert [point.settings["ppo.clip_param"] for point in points_of(lucky + steady, "max")] == [1, 2]
 
 
-def test_a_runs_result_is_the_mean_of_its_last_iterations_that_have_one(tmp_path: Path) -> None:
+def test_a_runs_result_is_the_mean_of_its_last_iterations_with_a_value(tmp_path: Path) -> None:
     metrics = tmp_path / "metrics.jsonl"
     assert math.isnan(last_value(metrics, "a"))
     metrics.write_text('{"a": 9.0}\n{"a": 1.0}\n{"b": 5.0}\n{"a": 2.0}\n')
