@@ -19,7 +19,7 @@ def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robo
 
     class Planned(Hold):
         def stance(self) -> np.ndarray:  # type: ignore[override]
-            return plan if self.resets else 0.0 * plan  # before its reset: of another episode
+            return plan if self.resets else 0.0 * plan  # before the reset: the last episode's
 
     policy, note = Planned(go1), FakeEstimator()
     loop = simulated_loop(go1, policy, estimator=note, estimator_rate_hz=30.0)

@@ -157,7 +157,7 @@ def with_dense_layers(policy: Any, layers: tuple[tuple[np.ndarray, np.ndarray], 
     """An actor's parameters with these kernels and biases, in the order of `dense_layers`.
 
     Raises:
-        ValueError: they have other shapes.
+        ValueError: a kernel or a bias has another shape than the actor's.
     """
     old = _dense_leaves(policy)
     new = {
@@ -166,7 +166,7 @@ def with_dense_layers(policy: Any, layers: tuple[tuple[np.ndarray, np.ndarray], 
         for part, array in zip(("kernel", "bias"), layer, strict=True)
     }
     if any(old[name].shape != array.shape for name, array in new.items()):
-        raise ValueError("its actor's layers have other sizes")
+        raise ValueError("its actor has layers of other sizes than the new training")
     return jax.tree_util.tree_map_with_path(
         lambda path, leaf: new.get(_name_of(path[1:]), leaf),
         policy,

@@ -37,7 +37,7 @@ def taken_over(
         Parameters, normaliser, and notes on what was copied.
 
     Raises:
-        UserError: the file is damaged, or its actor's layers have other sizes.
+        UserError: the file is damaged, or its actor has layers of other sizes.
     """
     try:
         if path.suffix == EXPORTED:
@@ -54,7 +54,7 @@ def _from_checkpoint(
     saved = serialization.msgpack_restore(path.read_bytes())["state"]
     policy = _same_shapes(params.policy, saved["params"]["policy"])
     if policy is None:
-        raise ValueError("its actor's layers have other sizes")
+        raise ValueError("its actor has layers of other sizes than the new training")
     value = _same_shapes(params.value, saved["params"]["value"])
     whole = _same_shapes(normalizer, saved["normalizer"])
     if value is not None and whole is not None:

@@ -33,7 +33,7 @@ def take_over(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> Se
         Notes on what was copied.
 
     Raises:
-        UserError: the file is damaged, or its actor's layers have other sizes.
+        UserError: the file is damaged, or its actor has layers of other sizes.
     """
     try:
         if path.suffix == EXPORTED:
