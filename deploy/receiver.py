@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.bounded_cache import BoundedCache
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.drivers.foot_force import FootForceReader
 from footfall.deploy.drivers.imu import Inertial
@@ -13,7 +14,6 @@ from footfall.policies.policy import Sensed
 from footfall.robots.readings import NO_FORCES
 
 NEVER_US = -(10**15)  # microseconds: long ago
-MAX_LAYOUTS = 64  # limit of the cache: some protocols have values in identifiers, whose layouts never repeat
 _NO_ROWS = np.zeros(0, np.intp)
 
 
@@ -43,7 +43,7 @@ class Receiver:
         """`joints` is the number of the robot's joints; `feet` is None without force sensors."""
         self._driver, self._imu, self._feet = driver, imu, feet
         self._imu_ids = np.array(imu.identifiers)
-        self._rows_of: dict[bytes, tuple[np.ndarray, ...]] = {}  # by identifiers
+        self._rows_of = BoundedCache[bytes, tuple[np.ndarray, ...]]()  # by identifiers
         self._now_us = NEVER_US
         self.joints = np.zeros((3, joints))  # latest position rad, velocity rad/s and torque N m
         self.temperature_c = np.full(joints, np.nan)  # latest; NaN if not reported
@@ -75,8 +75,6 @@ class Receiver:
         key = frames.id.tobytes()
         rows = self._rows_of.get(key)
         if rows is None:
-            if len(self._rows_of) >= MAX_LAYOUTS:
-                self._rows_of.clear()
             from_imu = np.isin(frames.id, self._imu_ids)
             from_feet = _NO_ROWS
             if self._feet is not None:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.bounded_cache import BoundedCache
 from footfall.common.errors import UserError
 
 
@@ -59,7 +60,6 @@ CLEAR, ENTER, EXIT, ZERO = _SPECIAL - 1, _SPECIAL, _SPECIAL + 1, _SPECIAL + 2  #
 _HIGHEST_COMMAND = np.uint64(CLEAR - 1)
 
 _ALL = slice(None)
-MAX_SUBSETS = 64  # of motors, limited: with frames lost at random, any subset replies
 
 _WIRE = np.dtype(">u8")  # byte order of a word in a frame
 
@@ -129,7 +129,7 @@ class _PerMotor:
 
     def __init__(self, every: _Fields) -> None:
         self._every = every
-        self._some: dict[tuple[str, bytes], _Fields] = {}
+        self._some = BoundedCache[tuple[str, bytes], _Fields]()
 
     def of(self, motor: np.ndarray | slice) -> _Fields:
         """Fields of some motors (indices), or of all motors (a slice)."""
@@ -138,8 +138,6 @@ class _PerMotor:
         key = motor.dtype.char, motor.tobytes()
         fields = self._some.get(key)
         if fields is None:
-            if len(self._some) >= MAX_SUBSETS:
-                self._some.clear()
             code, *rest = self._every
             fields = self._some[key] = _Fields(code, *(part[:, motor] for part in rest))
         return fields

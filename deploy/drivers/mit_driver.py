@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.bounded_cache import BoundedCache
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.polled import MOTOR_IDS, Orders, PolledDriver, to_every_motor
@@ -13,7 +14,6 @@ from footfall.deploy.wiring import Wiring
 REPLY_ID = 0x100  # REPLY_ID + motor id; loses arbitration against any command
 SHARED_REPLY_ID = 0x000  # reply identifier of motors that support only one host
 
-MAX_RECOGNISED = 64  # limited: damaged frames never repeat
 
 _ALL = slice(None)
 
@@ -46,7 +46,8 @@ class MitDriver(PolledDriver):
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
         self._outgoing = to_every_motor(wiring)
-        self._recognised: dict[tuple[bytes, Layout], _Recognised] = {}  # a lookup takes a tenth of the time
+        # A lookup takes a tenth of the time.
+        self._recognised = BoundedCache[tuple[bytes, Layout], _Recognised]()
 
     @staticmethod
     def identifiers(motor_id: int) -> tuple[int, ...]:
@@ -71,8 +72,6 @@ class MitDriver(PolledDriver):
         key = frames.data[:, 0].tobytes(), layout_of(frames)
         known = self._recognised.get(key)
         if known is None:
-            if len(self._recognised) >= MAX_RECOGNISED:
-                self._recognised.clear()
             known = self._recognised[key] = self._recognise(frames)
         rows, motor, whole = known
         return self._decoded(frames if rows is None else frames.take(rows), motor, whole)

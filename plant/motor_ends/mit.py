@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from footfall.common.bounded_cache import BoundedCache
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.drivers.mit_driver import REPLY_ID
@@ -11,8 +12,6 @@ from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests
 
 KIND = {mit.ENTER: Request.ENABLE, mit.EXIT: Request.DISABLE, mit.ZERO: Request.ZERO}
-
-MAX_LAYOUTS = 64  # limited: with frames lost at random, layouts never repeat
 
 _ALL = slice(None)
 
@@ -35,7 +34,8 @@ class MitMotorEnd(PolledMotorEnd):
         )
         commands = self._outgoing._replace(id=wiring.motor_id)
         self._usual = layout_of(commands)  # layout of a batch that addresses every motor in joint order
-        self._others: dict[Layout, tuple[np.ndarray, np.ndarray]] = {}  # motors and rows of other layouts
+        # Motors and rows of other layouts.
+        self._others = BoundedCache[Layout, tuple[np.ndarray, np.ndarray]]()
         self._decoded = b"", Requests(_ALL, np.zeros((5, 0)), None)  # data of such a batch, and its requests
 
     def requests(self, frames: Frames) -> Requests:
@@ -62,8 +62,6 @@ class MitMotorEnd(PolledMotorEnd):
             return _ALL, frames.data
         known = self._others.get(layout)
         if known is None:
-            if len(self._others) >= MAX_LAYOUTS:
-                self._others.clear()
             motor = self._lookup[frames.channel, frames.id & 0xFF]
             rows = np.flatnonzero((motor >= 0) & (frames.id < 0x100) & (frames.length == 8))
             known = self._others[layout] = motor[rows], rows
