@@ -206,7 +206,7 @@ def summary(outcomes: list[Outcome]) -> dict:
         "covered": float(np.mean(covered)),
         "held_out_mrad": {"median": float(np.median(held_out)), "worst": float(held_out.max())},
         "nominal_mrad": {"median": float(np.median(nominal)), "least": float(nominal.min())},
-        "least_gain": float((nominal / held_out).min()),
+        "min_gain": float((nominal / held_out).min()),
         "misfits": sum(any(ratio > MISFIT_RATIO for ratio in each.misfit) for each in outcomes),
     }
 
@@ -225,7 +225,7 @@ def show(found: dict) -> None:
     print(
         f"held out: median {held_out['median']:.3f}, worst {held_out['worst']:.3f} mrad rms"
         f" (target {HELD_OUT_MRAD:g}); nominal: median {nominal['median']:.2f};"
-        f" least gain {found['least_gain']:.0f} (target {OVER_NOMINAL:g})"
+        f" least gain {found['min_gain']:.0f} (target {OVER_NOMINAL:g})"
     )
     print(f"intervals cover {found['covered']:.1%} (target {COVERED:.0%}); misfits: {found['misfits']}")
 

@@ -17,6 +17,7 @@ from cattrs.v import format_exception
 from footfall.common.errors import UserError
 from footfall.common.files import is_named_pipe
 from footfall.common.hints import no_setting
+from footfall.common.old_keys import with_current_keys
 from footfall.common.yaml_text import parse_yaml
 
 T = TypeVar("T")
@@ -224,7 +225,7 @@ def unstructure(config: Any) -> Any:
 
 
 def read_yaml(path: Path) -> Any:
-    """Plain data of a YAML file.
+    """Plain data of a YAML file, under today's keys.
 
     Raises:
         UserError: the file cannot be read, is too large for settings, or is no YAML.
@@ -236,7 +237,7 @@ def read_yaml(path: Path) -> Any:
             content = file.read(MAX_FILE_BYTES + 1)  # limited: a device may never end
         if len(content) > MAX_FILE_BYTES:
             raise UserError(f"{path} holds no settings: it is larger than {MAX_FILE_BYTES:,} bytes")
-        return parse_yaml(content.decode())
+        return with_current_keys(parse_yaml(content.decode()))
     except OSError as error:
         raise UserError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:  # neither YAML nor text

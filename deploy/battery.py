@@ -23,7 +23,7 @@ class BatteryLimits:
     low_charge: float = 0.2  # charge below which speed and torque are limited
     empty_charge: float = 0.08  # charge at which the run ends
     low_cell_v: float = 0.2  # the same range as a cell's voltage under load above its empty voltage
-    least_share: float = 0.6  # share of speed and torque just before the run ends
+    min_share: float = 0.6  # share of speed and torque just before the run ends
     off_cell_v: float = 0.3  # largest difference of a cell's voltage from that for charge and current
     smooth_s: float = 1.0  # time constant of both voltages: a step's current peak is not a fault
     period_s: float = 0.05  # between two updates
@@ -35,7 +35,7 @@ class BatteryLimits:
     def __post_init__(self) -> None:
         require_between(self, 0.0, 1.0, "empty_charge", "low_charge", "resistance_error", "current_error")
         require_between(self, 0.001, 5.0, "low_cell_v", "off_cell_v", "voltage_error_v")
-        require_between(self, 0.1, 1.0, "least_share")
+        require_between(self, 0.1, 1.0, "min_share")
         require_between(self, 0.01, 600.0, "smooth_s", "error_s")
         require_between(self, 0.002, 10.0, "period_s")
         if self.low_charge <= self.empty_charge:
@@ -127,7 +127,7 @@ class BatteryMonitor:
             error,
             voltage_v,
             current_a,
-            limits.least_share + (1.0 - limits.least_share) * reserve,
+            limits.min_share + (1.0 - limits.min_share) * reserve,
             self._fault(charge, reserve),
         )
 

@@ -26,7 +26,7 @@ class LegAttitude:
         self._legs, self._settled_s = robot.legs, limits.resting_s
         even_force = GRAVITY_M_S2 * self._legs.mass / self._legs.count
         self._loaded = limits.loaded_share * even_force
-        self._least_spread = (MIN_SPREAD * robot.description.standing_height_m) ** 2
+        self._min_spread = (MIN_SPREAD * robot.description.standing_height_m) ** 2
         self.reset()
 
     def reset(self) -> None:
@@ -76,7 +76,7 @@ class LegAttitude:
         points = (legs.pose(position).foot - legs.foot_radius[:, None] * up)[standing]
         spread = points - points.mean(axis=0)
         spreads, axes = np.linalg.eigh(spread.T @ spread / len(spread))
-        if spreads[1] < self._least_spread:
+        if spreads[1] < self._min_spread:
             return None
         normal: np.ndarray = axes[:, 0]
         return normal if normal[2] >= 0.0 else -normal

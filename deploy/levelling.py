@@ -19,11 +19,11 @@ class LevellingConfig:
     """Reaction of the ankles to a pitch of the base while the robot stands up."""
 
     gain: float = 1.0  # share of the pitch; 0 for none
-    most_rad: float = 0.15  # largest correction
+    max_rad: float = 0.15  # largest correction
     fade_s: float = 0.1  # duration of the fade-in
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "gain", "most_rad")
+        require_not_negative(self, "gain", "max_rad")
         require_positive(self, "fade_s")
 
 
@@ -55,7 +55,7 @@ class Levelling:
         config = self._config
         pitch = -float(rotation_matrix(sensed.quaternion)[2, 0])
         share = min(max(time_s / config.fade_s, 0.0), 1.0)
-        correction = share * min(max(config.gain * pitch, -config.most_rad), config.most_rad)
+        correction = share * min(max(config.gain * pitch, -config.max_rad), config.max_rad)
         return command._replace(position=command.position + correction * self._turn)
 
 

@@ -74,7 +74,7 @@ class Recovery:
                 return NO_RECOVERY
             lies_still = self._fastest(now_us, joints) < self._config.rest_rad_s
             rests = self._met_for_s(now_us, lies_still) >= self._config.rest_s
-            ready = rests and (requested or not self._config.asked)
+            ready = rests and (requested or not self._config.on_request)
             return RecoverySignals(allowed=True, ready=ready, tries=state.tries)
         if state.mode is Mode.RECOVERING:
             stands = self._met_for_s(now_us, self._stands(now_us, joints)) >= self._config.stand_s

@@ -14,7 +14,7 @@ class RecoveryConfig:
     again_s: float = 3.0  # walking time before which a fall counts as the same fall
     try_s: float = 6.0  # longest time of a try
     unfold_s: float = 1.0  # motion of the joints to the default pose at first, which separates crossed limbs
-    asked: bool = False  # each fall waits for an operator's request; otherwise --recover is enough
+    on_request: bool = False  # each fall waits for an operator's request; otherwise --recover is enough
     wait_s: float = 20.0  # longest time until the robot is at rest and an operator has requested it
     rest_rad_s: float = 0.3  # largest speed of base and joints of a robot at rest
     rest_s: float = 0.5  # required duration of rest

@@ -42,7 +42,7 @@ COMMANDS = (
         "a velocity command and all torques, while the battery is low",
         "`battery.low_charge`, `battery.low_cell_v`",
         SETTING,
-        "limited, down to `battery.least_share` when the run ends",
+        "limited, down to `battery.min_share` when the run ends",
     ),
 )
 

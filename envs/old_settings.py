@@ -6,12 +6,13 @@ Each function takes plain data, complete or partial, and does not change data in
 from typing import Any
 
 from footfall.common.config import merged
+from footfall.common.old_keys import with_current_keys
 
 # Sections that became terms: old name, then the list and the name of the term in it.
 SECTIONS = {"initial": ("events", "reset_pose"), "pushes": ("events", "push")}
 TERMINATIONS = {
     "tilt_limit_rad": ("tilted", "limit_rad"),
-    "least_height_share": ("sunk", "least_height_share"),
+    "min_height_share": ("sunk", "min_height_share"),
 }
 # Settings of `reward_scales`: the reward that each belongs to now, and its parameter.
 SCALES = {
@@ -31,7 +32,7 @@ def with_terms(env: Any) -> Any:
     """
     if not isinstance(env, dict):
         return env
-    new = dict(env)
+    new = dict(with_current_keys(env))
     for name, (kind, term) in SECTIONS.items():
         if isinstance(new.get(name), dict):
             _put(new, kind, term, {"term": term} | new.pop(name))

@@ -32,5 +32,5 @@ def clear_share(robot: Robot, poses: Callable[[float], np.ndarray]) -> float:
         own = (model.geom_bodyid[data.contact.geom] > 0).all(axis=1)
         return float(data.contact.dist[own].min(initial=SEEN_M))
 
-    least_m = min(map(nearest_m, poses(0.0))) - SLACK_M
-    return next((share for share in SHARES if min(map(nearest_m, poses(share))) >= least_m), 0.0)
+    min_m = min(map(nearest_m, poses(0.0))) - SLACK_M
+    return next((share for share in SHARES if min(map(nearest_m, poses(share))) >= min_m), 0.0)

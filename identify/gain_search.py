@@ -32,8 +32,8 @@ class GainConfig:
     step_rad: float = 0.05
     trial_s: float = 0.6  # duration of each step
     raise_by: float = 1.25
-    most: float = 8.0  # maximum gain
-    back_to: float = 0.8  # relative to the lowest gain that rings
+    max_gain: float = 8.0  # maximum gain
+    backoff: float = 0.8  # proposed gain, relative to the lowest gain that rings
     rings_rad: float = 0.1  # peak to peak in the second half of a trial, in steps: 0.1 x step_rad
     rings_rad_s: float = 0.3  # rms velocity in the second half of a trial
 
@@ -41,8 +41,8 @@ class GainConfig:
         require_between(self, 0.1, 60.0, "settle_s", "trial_s")
         require_between(self, 0.005, 0.5, "step_rad")
         require_between(self, 1.01, 4.0, "raise_by")
-        require_between(self, 1.0, 100.0, "most")
-        require_between(self, 0.1, 1.0, "back_to", "rings_rad")
+        require_between(self, 1.0, 100.0, "max_gain")
+        require_between(self, 0.1, 1.0, "backoff", "rings_rad")
         require_between(self, 0.01, 10.0, "rings_rad_s")
 
 
@@ -130,14 +130,14 @@ def _edge(
     share, response = 1.0, first
     if response.rings:
         while response.rings and share > MIN_GAIN:
-            rings, share = share, share * config.back_to
+            rings, share = share, share * config.backoff
             response = yield gains(share)
         return share, rings
-    while share * config.raise_by <= config.most:
+    while share * config.raise_by <= config.max_gain:
         share *= config.raise_by
         response = yield gains(share)
         if response.rings:
-            return config.back_to * share, share
+            return config.backoff * share, share
     return 1.0, None
 
 
@@ -166,7 +166,7 @@ class GainSearch:
     def duration_s(self) -> float:
         """Duration of the longest possible search."""
         config = self._config
-        trials = 2 + 2 * math.ceil(math.log(max(config.most, 1.0 / MIN_GAIN)) / math.log(config.raise_by))
+        trials = 2 + 2 * math.ceil(math.log(max(config.max_gain, 1.0 / MIN_GAIN)) / math.log(config.raise_by))
         return config.settle_s + len(self._waiting) * (trials * config.trial_s + 4 * config.settle_s)
 
     @property

@@ -41,7 +41,7 @@ class LiveCurves:
     def __init__(self, gui: "GuiApi", parent: Any, robot: Robot) -> None:
         """`parent` is a folder or tab."""
         self._gui, self._parent = gui, parent
-        self._most_nm = robot.motor.peak_torque
+        self._max_nm = robot.motor.peak_torque
         self._values: deque[list[float]] = deque()
         self._charts: list[Any] = []
         self._next_s = 0.0
@@ -54,7 +54,7 @@ class LiveCurves:
             self._next_s = 0.0
         moving, command = moment.moving.tolist(), np.asarray(moment.command).tolist()
         pairs = [number for pair in zip(moving, command, strict=True) for number in pair]
-        hardest = 100.0 * float((np.abs(moment.sensed.joint_torque) / self._most_nm).max())
+        hardest = 100.0 * float((np.abs(moment.sensed.joint_torque) / self._max_nm).max())
         values.append([time_s, *pairs, float(tilt(moment.quaternion)), hardest])
         while values[0][0] < time_s - WINDOW_S:
             values.popleft()

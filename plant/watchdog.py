@@ -22,7 +22,7 @@ class Watchdog:
         """Apply the timeouts that frames have set."""
         own = self._end.timeout_s
         self._timeout_steps = np.rint(np.where(np.isnan(own), self._timeout_s, own) / self._step_s)
-        self._least_timeout_steps = self._timeout_steps.min()
+        self._min_timeout_steps = self._timeout_steps.min()
 
     def address(self, motor: Motors, step: int) -> None:
         """Register that motors were addressed in a physics step."""
@@ -31,7 +31,7 @@ class Watchdog:
     def late(self, step: int, enabled: np.ndarray) -> np.ndarray | None:
         """Mask of the enabled motors that time out in this step, (joints,); None if none, or not checked."""
         addressed = self._addressed_step
-        if step % CHECK_EVERY or step - addressed[addressed.argmin()] <= self._least_timeout_steps:
+        if step % CHECK_EVERY or step - addressed[addressed.argmin()] <= self._min_timeout_steps:
             return None
         late = enabled & (step - addressed > self._timeout_steps)
         if not late.any():

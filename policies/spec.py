@@ -18,6 +18,7 @@ import yaml
 
 from footfall.common.config import with_changes
 from footfall.common.errors import UserError
+from footfall.common.old_keys import current_key
 from footfall.common.yaml_text import parse_yaml
 
 _KEY = r"[A-Za-z_][\w.]*"
@@ -94,7 +95,7 @@ def _read(name: str, part: str) -> Change:
             value = parse_yaml(setting[2])
         except ValueError:
             raise UserError(f"{name}@{part}: '{setting[2]}' is not valid YAML") from None
-        return Change(part, tuple(setting[1].split(".")), value)
+        return Change(part, current_key(setting[1].split(".")), value)
     if not part:
         raise UserError(f"{name}@: expected a YAML file or KEY=VALUE after the @")
     content = with_changes({}, Path(part))

@@ -18,14 +18,14 @@ class BringUpLimits:
     temperature_c: float = 60.0  # largest temperature of a motor
     tilt_rad: float = 0.1  # largest tilt of the base while standing
     carries: tuple[float, float] = (0.6, 1.5)  # weight by the legs' torques, relative to the robot's
-    least_leg_share: float = 0.3  # smallest load of a leg, relative to an equal share of the weight
+    min_leg_share: float = 0.3  # smallest load of a leg, relative to an equal share of the weight
     tilts: tuple[float, float] = (0.6, 1.4)  # tilt by the IMU relative to tilt by the joints
     uneven_tilt_rad: float = 0.35  # largest tilt of the base on uneven ground
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 3.2, "lost_rad", "still_rad", "tilt_rad", "uneven_tilt_rad")
         require_between(self, 0.01, 10.0, "follows", "shaking_rad_s", "shaking_s", "carries", "tilts")
-        require_between(self, 0.001, 1.0, "torque_share", "least_leg_share")
+        require_between(self, 0.001, 1.0, "torque_share", "min_leg_share")
         require_between(self, 30.0, 150.0, "temperature_c")
 
 

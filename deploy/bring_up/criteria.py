@@ -126,7 +126,7 @@ def carry(case: Case) -> Iterator[str]:
         yield f"according to their torques, the legs carry {share:.0%} of the robot's weight"
         return
     for foot, force in zip(robot.description.feet, carried, strict=True):
-        if force < limits.least_leg_share * weight / legs.count:
+        if force < limits.min_leg_share * weight / legs.count:
             yield f"leg {foot.name} carries {force:.0f} N of {weight:.0f}: a zero, a ratio or a sign is wrong"
 
 

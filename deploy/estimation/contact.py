@@ -24,7 +24,7 @@ class ContactEstimator:
         self._observer = MomentumObserver(body.leg_inertia, config.force_filter_s)
         even_force = GRAVITY_M_S2 * body.mass / legs.count
         low, high = config.force_share
-        self._least_force, self._force_span = low * even_force, (high - low) * even_force
+        self._min_force, self._force_span = low * even_force, (high - low) * even_force
         self._even_force = even_force
         self._carried = config.carried_share * GRAVITY_M_S2
         self.probability = [1.0] * legs.count
@@ -72,7 +72,7 @@ class ContactEstimator:
         force = upward_force(jacobian, np.add.reduce(torque, axis=2, keepdims=True), up)[:, 0]
         if len(sensed.foot_force):
             force = self._by_sensors(sensed.foot_force, force, dt_s)
-        low, span = self._least_force, self._force_span
+        low, span = self._min_force, self._force_span
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()
         # A foot that lifts off is fast immediately, but its force is filtered: the accelerometer is quicker.

@@ -26,7 +26,7 @@ class MotionFilter:
     def __init__(self, config: FilterConfig) -> None:
         self._config = config
         self._leg_variance = config.leg_velocity_noise**2
-        self._least_share = 1.0 / config.swing_noise
+        self._min_share = 1.0 / config.swing_noise
         self._push_variance = config.push_m_s**2 / 3.0
         self.reset()
 
@@ -100,7 +100,7 @@ class MotionFilter:
         total = sum_x = sum_y = sum_z = 0.0
         for (leg_x, leg_y, leg_z), stands in zip(velocities, contact, strict=True):
             x, y, z = leg_x - vx, leg_y - vy, leg_z - vz
-            variance = self._leg_variance / max(stands * stands, self._least_share) ** 2
+            variance = self._leg_variance / max(stands * stands, self._min_share) ** 2
             misfit = (x * x + y * y + z * z) / (3.0 * (self.vv + variance))
             certainty = 1.0 / (variance * (1.0 + misfit / config.outlier_freedom))
             total += certainty

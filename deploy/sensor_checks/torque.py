@@ -90,7 +90,7 @@ class Opposing(JointCheck):
     def __init__(self, robot: Robot, limits: TorqueLimits, sample_s: float) -> None:
         peak = robot.motor.peak_torque
         self._n, self._limits = len(peak), limits
-        self._least_sq = (limits.torque_some * peak) ** 2
+        self._min_sq = (limits.torque_some * peak) ** 2
         self.reset()
 
     def reset(self) -> None:
@@ -104,7 +104,7 @@ class Opposing(JointCheck):
         signed = np.copysign(certain, window.expected)
         self._product = kept * self._product + (1.0 - kept) * window.torque * signed
         self._expected_sq = kept * self._expected_sq + (1.0 - kept) * certain * certain
-        return -self._product / np.maximum(self._expected_sq, self._least_sq)
+        return -self._product / np.maximum(self._expected_sq, self._min_sq)
 
 
 class TorqueStuck(JointCheck):

@@ -78,7 +78,7 @@ class _SignedTravel(JointCheck):
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
         self._n, self._memory_s = len(robot.joint_names), getattr(limits, self.memory)
-        self._late_memory_s, self._least_rad_s = limits.drift_memory_s, limits.creep_rad_s
+        self._late_memory_s, self._min_rad_s = limits.drift_memory_s, limits.creep_rad_s
         self._trusted = min(1.0, 0.5 * IMPACT_S / sample_s)  # of a sum of velocities that may miss an impact
         self._lag_s = limits.filter_s + sample_s / 2  # of a velocity with a jump between two readings
         self.reset()
@@ -143,7 +143,7 @@ class Creep(_SignedTravel):
         self._rest_s = np.full(self._n, np.inf)  # since the joint moved
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        self._rest_s = np.where(window.speed > self._least_rad_s, 0.0, self._rest_s + window.elapsed_s)
+        self._rest_s = np.where(window.speed > self._min_rad_s, 0.0, self._rest_s + window.elapsed_s)
         moves = (self._rest_s < REST_S) & (window.late_s < 0.5 * IMPACT_S)
         kept = math.exp(-window.elapsed_s / self._memory_s)
         self._jolts = kept * self._jolts + moves * window.jolts

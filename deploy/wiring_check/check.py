@@ -79,7 +79,7 @@ class WiringCheck:
         centre = sensed.joint_position.copy() if again else centre
         lies = not again and self._clearance.sunk_share(centre, sensed.quaternion) >= self._sunk
         lower, upper = self._robot.soft_limits
-        room = np.minimum(centre - lower, upper - centre).clip(check.least_rad, None)
+        room = np.minimum(centre - lower, upper - centre).clip(check.min_rad, None)
         amplitude = np.minimum(room, check.lying_rad if lies else check.standing_rad)
         self._centre, self._motions = centre, Motions(amplitude, check)
         self._samples: list[tuple[float, np.ndarray]] = []

@@ -13,7 +13,7 @@ class WiringCheckConfig:
     move_s: float = 0.6  # duration of each joint's motion, to one side, to the other and back
     standing_rad: float = 0.05  # amplitude while the robot stands
     lying_rad: float = 0.15  # amplitude while it lies
-    least_rad: float = 0.03  # amplitude of a joint at a limit of its range
+    min_rad: float = 0.03  # amplitude of a joint at a limit of its range
     soles_stiffness: float = 2.0  # relative to standing, on two soles: softer legs sway or tip over
     motor_lag_s: float = 0.001  # delay from a command to the reading with its effect, besides these ticks:
     motor_lag_ticks: float = 1.5  # half a tick until the next command, and one over the bus
@@ -33,7 +33,7 @@ class WiringCheckConfig:
     def __post_init__(self) -> None:
         require_between(self, 0.1, 10.0, "settle_s", "move_s")
         require_between(
-            self, 0.01, 0.5, "standing_rad", "lying_rad", "least_rad", "lean_rad", "lost_rad", "askew_rad"
+            self, 0.01, 0.5, "standing_rad", "lying_rad", "min_rad", "lean_rad", "lost_rad", "askew_rad"
         )
         require_between(self, 0.01, 1.0, "alike", "imu_alike", "explained")
         require_between(self, 0.01, 1.0, "doubtful", "explained_in_doubt", "explained_of_motor")

@@ -19,9 +19,9 @@ def tilted(data: StepData, *, limit_rad: Annotated[float, Between(1e-3, 3.2)] = 
     return data.gravity[2] > -np.cos(limit_rad)
 
 
-def sunk(data: StepData, *, least_height_share: Annotated[float, Between(0.0, 1.0)] = 0.55) -> jax.Array:
-    """The base is lower than `least_height_share` of the robot's standing height."""
-    return data.height < least_height_share * data.scene.standing_height
+def sunk(data: StepData, *, min_height_share: Annotated[float, Between(0.0, 1.0)] = 0.55) -> jax.Array:
+    """The base is lower than `min_height_share` of the robot's standing height."""
+    return data.height < min_height_share * data.scene.standing_height
 
 
 def base_contact(data: StepData, *, depth_m: Annotated[float, Between(0.0, 1.0)] = 0.01) -> jax.Array:

@@ -83,7 +83,7 @@ def render(
             for policy in comparison.policies
             if policy.result.get("settings")
         },
-        least_episodes=MIN_EPISODES,
+        min_episodes=MIN_EPISODES,
         command=command_line(comparison),
         machine=machine(),
         version=comparison.versions["footfall"],

@@ -38,17 +38,17 @@ class BalanceConfig:
 
     rate_hz: float
     capture_gain: float  # shift of the centre of pressure per distance of the capture point
-    most_lead_m: float  # largest distance of the desired centre of pressure from the middle of the support
+    max_lead_m: float  # largest distance of the desired centre of pressure from the middle of the support
     height: Feedback
     attitude: Feedback
     posture: Feedback
     momentum_damping: float  # 1/s
-    most_force: float  # limit for all points of a foot together, each an equal part; share of the weight
+    max_force: float  # limit for all points of a foot together, each an equal part; share of the weight
     settle_s: float  # duration of the move from the pose at reset to the default pose
     whole_body: WholeBodyConfig
 
     def __post_init__(self) -> None:
-        require_positive(self, "rate_hz", "most_lead_m", "most_force", "settle_s")
+        require_positive(self, "rate_hz", "max_lead_m", "max_force", "settle_s")
         require_not_negative(self, "capture_gain", "momentum_damping")
 
 
@@ -65,8 +65,8 @@ class Balance:
         self.control = WholeBodyControl(robot, config.whole_body, 1.0 / config.rate_hz)
         body = self.control.body
         self._default = robot.default_pose
-        self._most_force = np.full(body.points, config.most_force * body.weight_n)
-        self._most_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
+        self._max_force = np.full(body.points, config.max_force * body.weight_n)
+        self._max_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
         rest = standing(body, robot)
         self.com_height_m = float((rest.centre - rest.middle)[2])
         self._start_height, self._start_pose = self.com_height_m, self._default
@@ -92,7 +92,7 @@ class Balance:
             joints=config.posture(sensed.joint_position - pose, sensed.joint_velocity),
         )
         position, velocity = sensed.joint_position, sensed.joint_velocity
-        return self.control.command(dynamics, position, velocity, desired, self._most_force)
+        return self.control.command(dynamics, position, velocity, desired, self._max_force)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -109,7 +109,7 @@ class Balance:
         capture = centre + dynamics.centre_velocity / rate
         pressure = (1.0 + config.capture_gain) * capture
         ahead = math.hypot(pressure[0], pressure[1])
-        pressure *= min(1.0, config.most_lead_m / max(ahead, 1e-9))
+        pressure *= min(1.0, config.max_lead_m / max(ahead, 1e-9))
         acceleration = rate**2 * (centre - pressure)
         deviation = np.array([centre[2] - height])
         acceleration[2] = config.height(deviation, dynamics.centre_velocity[2:])[0]

@@ -25,12 +25,12 @@ class SlopeConfig:
     """Settings of the slope estimate. A gradient is rise over run."""
 
     filter_s: float  # time constant of the estimate
-    ignored: float  # gradient below which ground counts as level; also subtracted from larger gradients
-    most: float  # largest gradient
+    deadband: float  # gradient below which ground counts as level; also subtracted from larger gradients
+    max_gradient: float  # largest gradient
 
     def __post_init__(self) -> None:
-        require_positive(self, "filter_s", "most")
-        require_not_negative(self, "ignored")
+        require_positive(self, "filter_s", "max_gradient")
+        require_not_negative(self, "deadband")
 
 
 def corrected_gradient(
@@ -76,12 +76,12 @@ def standing_middle(feet: np.ndarray, contact: np.ndarray) -> tuple[float, float
     return None if total <= 0.0 else (x / total, y / total, z / total)
 
 
-def followed_gradient(gradient: np.ndarray, ignored: float, limit: float) -> np.ndarray:
-    """The gradient (2,), reduced by `ignored` and limited to `limit`; exactly zero on nearly level ground."""
+def followed_gradient(gradient: np.ndarray, deadband: float, limit: float) -> np.ndarray:
+    """The gradient (2,), reduced by `deadband`, clamped to `limit`; exactly zero on nearly level ground."""
     steep = math.hypot(*gradient.tolist())
-    if steep <= ignored:
+    if steep <= deadband:
         return np.zeros(2)
-    return gradient * (min(steep - ignored, limit) / steep)
+    return gradient * (min(steep - deadband, limit) / steep)
 
 
 def plane_quaternion(gradient: np.ndarray) -> np.ndarray:
@@ -137,7 +137,7 @@ class Slope:
         feet = feet.dot(rotation_matrix(inputs.sensed.quaternion).T)
         self._measured = corrected_gradient(self._measured, feet, contact, min(1.0, dt_s / config.filter_s))
         self._follow_middle(feet, contact, dt_s)
-        gradient = followed_gradient(self._measured, config.ignored, config.most)
+        gradient = followed_gradient(self._measured, config.deadband, config.max_gradient)
         if gradient.tolist() != self.gradient.tolist():  # on level ground it stays the same for minutes
             self._take(gradient)
         if self.level or self._middle is None:

@@ -21,12 +21,12 @@ class StandConfig:
     kd: float  # N m s/rad
     tilt_gain: float  # share of the measured tilt that the legs correct
     tilt_rate_gain_s: float  # s, correction per tilt rate
-    most_tilt_rad: float  # largest correction
+    max_tilt_rad: float  # largest correction
     settle_s: float  # duration of the move from the pose at reset to the default pose
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "kp", "settle_s")
-        require_not_negative(self, "kd", "tilt_gain", "tilt_rate_gain_s", "most_tilt_rad")
+        require_not_negative(self, "kd", "tilt_gain", "tilt_rate_gain_s", "max_tilt_rad")
 
 
 class Stand:
@@ -51,7 +51,7 @@ class Stand:
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         config = self._config
-        tilt = tilt_correction(inputs, config.tilt_gain, config.tilt_rate_gain_s, config.most_tilt_rad)
+        tilt = tilt_correction(inputs, config.tilt_gain, config.tilt_rate_gain_s, config.max_tilt_rad)
         feet = level_feet(self._legs.default_foot, tilt)
         goal = self._legs.scatter(self._legs.solve(feet), self._robot.default_pose)
         share = min(1.0, inputs.time_s / config.settle_s)

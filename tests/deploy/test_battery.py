@@ -65,9 +65,9 @@ def test_limits_fall_with_the_charge_until_the_run_has_to_end(go1: Robot) -> Non
     allowed = [state.allowed for state in states]
     assert allowed[0] == 1.0
     assert allowed == sorted(allowed, reverse=True)
-    assert allowed[-1] == pytest.approx(LIMITS.least_share)
+    assert allowed[-1] == pytest.approx(LIMITS.min_share)
     middle = next(state for state in states if state.charge < 0.5 * (LIMITS.low_charge + LIMITS.empty_charge))
-    assert middle.allowed == pytest.approx(0.5 * (1.0 + LIMITS.least_share), abs=0.05)
+    assert middle.allowed == pytest.approx(0.5 * (1.0 + LIMITS.min_share), abs=0.05)
     first = next(state for state in states if state.fault)
     assert "empty" in first.fault
     assert first.charge == pytest.approx(LIMITS.empty_charge, abs=0.02)

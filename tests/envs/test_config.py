@@ -57,6 +57,7 @@ OLD = {
         "pose_shares": {"*hip*": 2.0},
     },
     "tilt_limit_rad": 0.8,
+    "least_height_share": 0.6,
     "initial": {"joint_rad": 0.05},
     "pushes": {"interval_s": {"low": 1.0, "high": 2.0}, "horizontal_m_s": 0.4},
     "curriculum": {"steps": 100, "commands": 0.5, "randomisation": 1.0},
@@ -68,7 +69,10 @@ NEW = {
         {"term": "pose", "weight": -0.1, "joint_shares": {"*hip*": 2.0}},
     ],
     "reward_floor": -0.5,
-    "terminations": [{"term": "tilted", "name": "", "limit_rad": 0.8}, {"term": "sunk", "name": ""}],
+    "terminations": [
+        {"term": "tilted", "name": "", "limit_rad": 0.8},
+        {"term": "sunk", "name": "", "min_height_share": 0.6},
+    ],
     "events": [
         {"term": "reset_pose", "name": "", "interval_s": None, "joint_rad": 0.05},
         {"term": "push", "interval_s": {"low": 1.0, "high": 2.0}, "horizontal_m_s": 0.4},

@@ -81,14 +81,14 @@ def test_own_gains_that_ring_are_lowered() -> None:
 def test_without_ringing_the_own_gains_stay() -> None:
     tuned, tried = searched(lambda gains: False)
     assert (tuned.kp_rings, tuned.kd_rings, tuned.proposed) == (None, None, Gains())
-    assert max(gains.kp for gains in tried) <= CONFIG.most
+    assert max(gains.kp for gains in tried) <= CONFIG.max_gain
 
 
 def test_a_joint_with_a_slow_motor_rings_on_the_robot() -> None:
     robot = load_robot("go1")
     slow = np.zeros(12)
     slow[0] = 0.02
-    quick = GainConfig(settle_s=0.3, trial_s=0.3, most=2.0)
+    quick = GainConfig(settle_s=0.3, trial_s=0.3, max_gain=2.0)
     policy = GainSearch(robot, quick, 500.0)
     bus = simulated_bus(robot, {"torque_lag_s": slow})
     outcome = run_on_stand(
@@ -101,7 +101,7 @@ def test_a_joint_with_a_slow_motor_rings_on_the_robot() -> None:
 
 
 def test_the_command_writes_each_joints_gains(shell: Shell, tmp_path: Path) -> None:
-    (tmp_path / "steps.yaml").write_text("{settle_s: 0.2, trial_s: 0.2, most: 1.3}")
+    (tmp_path / "steps.yaml").write_text("{settle_s: 0.2, trial_s: 0.2, max_gain: 1.3}")
     result = shell("identify", "gains", "--steps", tmp_path / "steps.yaml", "--json", tmp_path / "gains.json")
     assert result.status == 0, result
     found = json.loads((tmp_path / "gains.json").read_text())

@@ -72,7 +72,7 @@ class TestPace:
 class Visitor:
     """A fake page whose visitor acts after each frame; its clock advances while the walk waits."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, most_frames: int = 300) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, max_frames: int = 300) -> None:
         self.now_s, self.frames, self.texts = 1000.0, 0, [""]
         self.shown: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # base velocity, command, velocity
         self.command = np.array([0.5, 0.0, 0.0])
@@ -82,7 +82,7 @@ class Visitor:
         self.problem, self.exporting, self.requested = "", None, False
         self.offered: list[Any] = []
         self.after_frame: Callable[[int], None] = lambda frame: None
-        self.most_frames = most_frames
+        self.max_frames = max_frames
         monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: self.now_s, sleep=self.sleep))
 
     def sleep(self, time_s: float) -> None:
@@ -123,7 +123,7 @@ class Visitor:
         self.frames += 1
         self.shown.append((data.qvel[:3].copy(), moment.command, velocity))
         self.after_frame(self.frames)
-        self.requested |= self.frames >= self.most_frames
+        self.requested |= self.frames >= self.max_frames
 
     def walk(self, run: Path, robot: Robot) -> None:
         """Run until the visitor leaves."""
@@ -147,7 +147,7 @@ class TestWalk:
             if frame == 150:
                 visitor.command = np.array([0.3, 0.0, 0.0])
 
-        visitor.after_frame, visitor.most_frames = push, 230
+        visitor.after_frame, visitor.max_frames = push, 230
         visitor.walk(finished, go1)
         np.testing.assert_allclose([np.hypot(x, y) for x, y, _ in pushes], 1.5, atol=0.5)
         directions = np.arctan2(*np.array(pushes)[:, 1::-1].T)
@@ -166,7 +166,7 @@ class TestWalk:
         other = tmp_path / "other.onnx"
         other.write_bytes(b"no policy")
         visitor.ready += [Snapshot(POLICY, 5), Snapshot(other, 6)]
-        visitor.most_frames = 130
+        visitor.max_frames = 130
         visitor.walk(finished, go1)
         assert "of iteration 5," in visitor.texts[-1]
         assert "Not usable" in visitor.texts[-1]

@@ -118,9 +118,9 @@ ABOVE_ZERO = {
     *("rate_hz", "settle_s", "period_s", "duty", "step_s", "steps", "solve_hz", "double_support_s"),
     *("filter_s", "acceleration_m_s2", "yaw_acceleration_rad_s2", "speed_m_s", "body_rate_m_s"),
     *("probe_m_s", "rate_share", "length_m", "body_height_m", "apart_m", "lift_m", "half_length_m"),
-    *("half_width_m", "most_lead_m", "friction", "slipping_friction", "slip_m_s", "most_force"),
-    *("most_force_n", "force", "moment", "posture", "capture_m", "near_m", "most_s", "urgent_m"),
-    *("least_swing_s", "place", "time", "offset", "most", "memory_s", "fade_s", "crouch_m", "crouch_s"),
+    *("half_width_m", "max_lead_m", "friction", "slipping_friction", "slip_m_s", "max_force"),
+    *("max_force_n", "force", "moment", "posture", "capture_m", "near_m", "max_s", "urgent_m"),
+    *("min_swing_s", "place", "time", "offset", "max_gradient", "memory_s", "fade_s", "crouch_m", "crouch_s"),
     *("rise_m", "take_off_m", "lasts_s", "attitude_rate_rad_s"),
 }
 MIXED = {"height_m", "kp", "kd"}  # above zero in some sections

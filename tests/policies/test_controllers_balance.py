@@ -21,12 +21,12 @@ N = len(G1.joint_names)
 CONFIG = replace(
     controller_settings(G1, "balance", BalanceConfig),
     capture_gain=0.5,
-    most_lead_m=0.2,
+    max_lead_m=0.2,
     height=Feedback(60.0, 15.0),
     attitude=Feedback(100.0, 20.0),
     posture=Feedback(40.0, 12.0),
     momentum_damping=2.0,
-    most_force=1.2,
+    max_force=1.2,
     settle_s=0.5,
 )
 

@@ -19,7 +19,7 @@ ROBOT = load_robot("go1")
 BODY = nominal_body(ROBOT)
 HORIZON = Horizon(steps=6, step_s=0.03, solve_hz=100.0)
 WEIGHTS = Weights((9.0, 8.0, 7.0), (2.0, 3.0, 50.0), (0.1, 0.2, 0.3), (1.0, 1.5, 0.4), 1e-4, 3e-4)
-CONTACT = Contact(friction=0.6, most_force_n=150.0)
+CONTACT = Contact(friction=0.6, max_force_n=150.0)
 PROBLEMS = ForceProblems(BODY, HORIZON, WEIGHTS, CONTACT)
 FEET = np.array([[0.19, -0.13, -0.25], [0.19, 0.13, -0.25], [-0.19, -0.13, -0.25], [-0.19, 0.13, -0.25]])
 

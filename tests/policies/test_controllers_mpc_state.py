@@ -34,13 +34,13 @@ def test_footholds_follow_bledts_formula_in_three_dimensions(seed: int) -> None:
     rng = np.random.default_rng(seed)
     point, base, velocity, desired = (np.array([*rng.uniform(-0.4, 0.4, 2), 0.0]) for _ in range(4))
     yaw, rate, left_s, stance_s, height = 2.3, -1.7, 0.11, 0.23, 0.31
-    config = FootholdConfig(capture_gain_s=0.07, most_step_m=10.0 if seed % 2 else 0.03)
+    config = FootholdConfig(capture_gain_s=0.07, max_step_m=10.0 if seed % 2 else 0.03)
     arm = Rotation.from_euler("z", yaw + rate * left_s).apply(point)
     spin = rate * UP
     step = stance_s / 2 * (velocity + np.cross(spin, arm)) + 0.07 * (velocity - desired)
     step += height / (2 * 9.81) * np.cross(velocity, spin)
-    if np.linalg.norm(step) > config.most_step_m:
-        step *= config.most_step_m / np.linalg.norm(step)
+    if np.linalg.norm(step) > config.max_step_m:
+        step *= config.max_step_m / np.linalg.norm(step)
     expected = base + velocity * left_s + arm + step
     vectors = [in_plane(each) for each in (point, base)]
     found = foothold(
@@ -190,9 +190,9 @@ class TestMpc:
             mpc.command.value = sign * np.array([0.5, -0.2, 0.6])
             mpc.reference.advance(base, mpc.command.value, 5.0)
             ahead = mpc.reference.xy - base.xy
-            assert abs(ahead) == pytest.approx(stance.most_position_lead_m)
+            assert abs(ahead) == pytest.approx(stance.max_position_lead_m)
             assert ahead / abs(ahead) == pytest.approx(sign * forward / abs(forward))
-            assert wrap_angle(mpc.reference.yaw - base.yaw) == pytest.approx(sign * stance.most_yaw_lead_rad)
+            assert wrap_angle(mpc.reference.yaw - base.yaw) == pytest.approx(sign * stance.max_yaw_lead_rad)
         assert mpc.reference.height == pytest.approx(stance.height_m)
 
     def test_a_disturbed_robot_steps_until_it_has_been_calm(self) -> None:
@@ -219,7 +219,7 @@ class TestMpc:
         assert disturbance.active(between, True, 0.0, 0.1)
 
     def test_a_standing_robot_that_drifts_off_its_feet_steps_before_it_tips_over(self) -> None:
-        restart = replace(CONFIG.restart, most_off_m=0.04)
+        restart = replace(CONFIG.restart, max_offset_m=0.04)
         feet, centre = np.array([[0.0, 0.14, -0.7], [0.0, -0.02, -0.7]]), np.array([0.0, 0.03, 0.0])
         slow = base_of()._replace(velocity=np.array([0.0, 0.0, 0.0]), rotation=np.eye(3))
         drifts = slow._replace(velocity=np.array([0.0, -0.05, 0.0]))

@@ -64,7 +64,7 @@ def test_the_body_moves_as_forces_move_it(policy: MpcWholeBody, recorded: list[C
     policy.reset(moving())
     policy.act(moving())
     dynamics, desired, max_force = recorded[0]
-    np.testing.assert_array_equal(max_force, policy._config.contact.most_force_n)
+    np.testing.assert_array_equal(max_force, policy._config.contact.max_force_n)
     force = policy.force
     np.testing.assert_allclose(desired.centre, force.sum(axis=0) / BODY.mass - [0, 0, 9.81])
     moment = np.cross(dynamics.foot - dynamics.centre, force).sum(axis=0)

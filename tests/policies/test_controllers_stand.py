@@ -11,7 +11,7 @@ from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_
 from footfall.policies.controllers.stand import Stand, StandConfig
 
 CONFIG = StandConfig(
-    rate_hz=100.0, kp=33.0, kd=1.5, tilt_gain=0.8, tilt_rate_gain_s=0.05, most_tilt_rad=0.3, settle_s=2.0
+    rate_hz=100.0, kp=33.0, kd=1.5, tilt_gain=0.8, tilt_rate_gain_s=0.05, max_tilt_rad=0.3, settle_s=2.0
 )
 
 

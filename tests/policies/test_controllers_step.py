@@ -28,14 +28,14 @@ CONFIG = replace(
     OWN,
     gait=replace(OWN.gait, step_s=0.6, double_support_s=0.1, apart_m=0.2),
     swing=replace(OWN.swing, place=Feedback(400.0, 30.0), attitude=Feedback(300.0, 20.0)),
-    pressure=Pressure(gain=2.0, half_length_m=0.075, half_width_m=0.025, most_lead_m=0.2),
-    start=Start(capture_m=0.07, near_m=0.02, most_s=1.0, urgent_m=0.12),
+    pressure=Pressure(gain=2.0, half_length_m=0.075, half_width_m=0.025, max_lead_m=0.2),
+    start=Start(capture_m=0.07, near_m=0.02, max_s=1.0, urgent_m=0.12),
     lower_m=0.06,
     height=Feedback(60.0, 15.0),
     attitude=Feedback(100.0, 20.0),
     posture=Feedback(40.0, 12.0),
     momentum_damping=2.0,
-    most_force=1.2,
+    max_force=1.2,
     settle_s=0.5,
 )
 HEADING = 0.7  # of the feet, in the world

@@ -26,7 +26,7 @@ from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
 LEGS = ROBOT.legs
-CONFIG = SlopeConfig(filter_s=0.1, ignored=0.0, most=0.6)
+CONFIG = SlopeConfig(filter_s=0.1, deadband=0.0, max_gradient=0.6)
 LEVEL = np.zeros(2)
 ALL = np.ones(4)
 DT_S = 0.002

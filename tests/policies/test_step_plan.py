@@ -21,7 +21,7 @@ from footfall.policies.controllers.step.swing import Swing
 RATE = 3.9  # 1/s, of a pendulum 0.645 m high
 STEP_S, BOTH_S = 0.7, 0.15
 LIMITS = StepLimits(
-    ahead_m=(-0.3, 0.4), apart_m=(0.14, 0.35), time_s=(0.4, 0.9), least_swing_s=0.05, speed_m_s=1.5
+    ahead_m=(-0.3, 0.4), apart_m=(0.14, 0.35), time_s=(0.4, 0.9), min_swing_s=0.05, speed_m_s=1.5
 )
 WEIGHTS = StepWeights(place=1.0, time=0.02, offset=300.0)
 

@@ -43,7 +43,7 @@ CONFIG = WholeBodyConfig(
     ),
     Contact(friction=0.5, damping_s=5.0),
     JointFeedback(kp=0.0, kd=1.0, memory_s=0.05, friction_compensation=0.0),
-    NoSolutionConfig(fade_s=0.05, kd=3.0, most_s=0.02),
+    NoSolutionConfig(fade_s=0.05, kd=3.0, max_s=0.02),
 )
 STILL = {
     name: Desired(
@@ -85,7 +85,7 @@ def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData, 
 def solved(robot: Robot, dynamics: Dynamics, desired: Desired, **changes: Any) -> tuple[np.ndarray, ...]:
     """Forces (points, 3), accelerations (nv,) and torques (n,) of one tick; all points may press."""
     body = BODIES[robot.name]
-    most = changes.get("most_force", np.full(body.points, 1e4))
+    most = changes.get("max_force", np.full(body.points, 1e4))
     torque = changes.get("max_torque", robot.motor.peak_torque)
     weights = changes.get("weights", CONFIG.weights)
     programs = QuadraticPrograms(
@@ -224,7 +224,7 @@ class TestStanding:
     def test_a_foot_with_a_force_limit_of_zero_carries_no_load(self) -> None:
         dynamics = standing(BODIES["g1"], G1)
         most = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
-        force, acceleration, _ = solved(G1, dynamics, STILL["g1"], most_force=most)
+        force, acceleration, _ = solved(G1, dynamics, STILL["g1"], max_force=most)
         assert not force[:4].any()
         # One foot cannot carry the body here unless it turns or falls towards the other side.
         assert abs(acceleration[:6]).max() > 0.5
@@ -248,7 +248,7 @@ def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come
     weights = replace(CONFIG.weights, contact=1e6, swing=1e5, swing_attitude=1e5)
     _, acceleration, _ = solved(
         *(G1, dynamics, STILL["g1"]._replace(feet=desired)),
-        most_force=most,
+        max_force=most,
         weights=weights,
         contact=replace(CONFIG.contact, friction=5.0),  # so that the foot can be held
     )

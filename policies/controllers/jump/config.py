@@ -44,10 +44,10 @@ class Push:
 
     centre: Feedback
     attitude: Feedback
-    most_force_n: float  # largest upward force of a foot
+    max_force_n: float  # largest upward force of a foot
 
     def __post_init__(self) -> None:
-        require_positive(self, "most_force_n")
+        require_positive(self, "max_force_n")
 
 
 @dataclass(frozen=True)

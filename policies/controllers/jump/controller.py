@@ -42,8 +42,8 @@ class Jump:
         self._inertia = nominal_body(robot).inertia
         stance, body = config.plan.stance, self._control.body
         self._feet_at_rest = nominal_feet(self._legs, 0.0, stance.outward_m, stance.shift_m)
-        self._most_force = np.full(body.points, config.push.most_force_n)
-        self._most_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
+        self._max_force = np.full(body.points, config.push.max_force_n)
+        self._max_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
         self._begin()
 
     @property
@@ -127,7 +127,7 @@ class Jump:
             joints=still,
         )
         position, rates = sensed.joint_position, sensed.joint_velocity
-        return self._control.command(dynamics, position, rates, goal, self._most_force)
+        return self._control.command(dynamics, position, rates, goal, self._max_force)
 
     def _fly(self, inputs: PolicyInput, flown_s: float, gains: JointGains) -> JointCommand:
         """Command that moves the feet along their planned path, level."""

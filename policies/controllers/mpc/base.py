@@ -89,7 +89,7 @@ class Disturbance:
         config = self._config
         limit = config.stop_speed_m_s if walking else config.start_speed_m_s
         tilted = max(abs(base.roll), abs(base.pitch)) > config.start_tilt_rad
-        if abs(base.speed) > limit or tilted or (not walking and off_m > config.most_off_m):
+        if abs(base.speed) > limit or tilted or (not walking and off_m > config.max_offset_m):
             self._left_s = config.calm_s
         else:
             self._left_s = max(0.0, self._left_s - dt_s)

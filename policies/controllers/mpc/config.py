@@ -45,7 +45,7 @@ class Contact:
     """Limits of a foot's force and moment."""
 
     friction: float  # friction coefficient that planned forces may use
-    most_force_n: float  # largest upward force
+    max_force_n: float  # largest upward force
     slipping_friction: float = 0.12  # replaces `friction` while feet slip
     slip_m_s: float = 0.08  # velocity of a stance foot relative to the others, above which it slips
     careful_s: float = 4.0  # how long `slipping_friction` applies after a slip
@@ -53,7 +53,7 @@ class Contact:
     sole_share: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "friction", "most_force_n", "slipping_friction", "slip_m_s")
+        require_positive(self, "friction", "max_force_n", "slipping_friction", "slip_m_s")
         require_not_negative(self, "careful_s")
         require_between(self, 0.0, 1.0, "sole_share")
 
@@ -66,12 +66,12 @@ class StanceConfig:
     outward_m: float  # shift of each foot from its position in the default pose, outward
     shift_m: float  # shift of all feet, forward
     kd: float  # N m s/rad, relative to the joint velocities of the commanded motion
-    most_position_lead_m: float  # largest distance of the position reference ahead of the body
-    most_yaw_lead_rad: float
+    max_position_lead_m: float  # largest distance of the position reference ahead of the body
+    max_yaw_lead_rad: float
 
     def __post_init__(self) -> None:
         require_positive(self, "height_m")
-        require_not_negative(self, "kd", "most_position_lead_m", "most_yaw_lead_rad")
+        require_not_negative(self, "kd", "max_position_lead_m", "max_yaw_lead_rad")
 
 
 @dataclass(frozen=True)
@@ -105,11 +105,11 @@ class FootholdConfig:
     """Footholds (see `policies/controllers/mpc/footholds.py`)."""
 
     capture_gain_s: float
-    most_step_m: float
+    max_step_m: float
     catch: CatchConfig | None = None  # for two feet; replaces the settings above
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "capture_gain_s", "most_step_m")
+        require_not_negative(self, "capture_gain_s", "max_step_m")
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,11 @@ class Restart:
     stop_speed_m_s: float  # speed of the base below which it stands again
     start_tilt_rad: float
     calm_s: float  # time without disturbance before it stands again
-    most_off_m: float = 1.0  # largest distance of the capture point from the middle of the standing feet
+    max_offset_m: float = 1.0  # largest distance of the capture point from the middle of the standing feet
 
     def __post_init__(self) -> None:
         require_not_negative(self, "start_speed_m_s", "stop_speed_m_s", "start_tilt_rad", "calm_s")
-        require_not_negative(self, "most_off_m")
+        require_not_negative(self, "max_offset_m")
 
 
 @dataclass(frozen=True)
@@ -144,10 +144,10 @@ class MpcConfig:
     friction_compensation: float  # share of the gearbox friction that is compensated by feed-forward
     settle_s: float  # duration of the move from the height at reset to the stance, before any step
     gaits: tuple[str, ...] = ()  # gaits that it can change to while walking, including its own
-    most_attitude_rad: float = 0.1  # largest roll and pitch of the live settings
+    max_attitude_rad: float = 0.1  # largest roll and pitch of the live settings
     slope: SlopeConfig | None = None  # None: the ground is assumed to be level
     legs_turn_base: bool = False  # swinging legs turn the base: relevant in gaits with a flight phase
 
     def __post_init__(self) -> None:
         require_positive(self, "rate_hz", "settle_s")
-        require_not_negative(self, "friction_compensation", "most_attitude_rad")
+        require_not_negative(self, "friction_compensation", "max_attitude_rad")

@@ -45,7 +45,7 @@ def foothold(
     step = 0.5 * stance_s * (velocity + 1j * yaw_rate * arm)
     step += config.capture_gain_s * (velocity - desired_velocity)
     step += 0.5 * (height_m / GRAVITY_M_S2) * (-1j * yaw_rate * velocity)
-    step *= min(1.0, config.most_step_m / max(abs(step), 1e-9))
+    step *= min(1.0, config.max_step_m / max(abs(step), 1e-9))
     return base + velocity * swing_left_s + arm + step
 
 

@@ -25,7 +25,7 @@ class LiveMpc:
 
     def __init__(self, robot: Robot, config: MpcConfig) -> None:
         self._robot, self._config = robot, config
-        limit = config.most_attitude_rad
+        limit = config.max_attitude_rad
         own = {
             "step_period_s": config.gait.period_s,
             "step_height_m": config.swing.height_m,

@@ -205,7 +205,7 @@ class ForceProblems:
             linear,
             self._weights.force * self._body.mass * GRAVITY_M_S2 / standing,
             rows,
-            np.concatenate([np.full(n, self._contact.most_force_n), np.zeros(len(rows))]),
+            np.concatenate([np.full(n, self._contact.max_force_n), np.zeros(len(rows))]),
             np.concatenate([np.zeros(n), np.full(len(rows), -1e30)]),
         )
 

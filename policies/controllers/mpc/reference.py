@@ -44,10 +44,10 @@ class Reference:
         forward, leftward, yaw_rate = command.tolist()
         self.velocity = complex(forward, leftward) * cmath.rect(1.0, base.yaw)
         ahead = self.xy + self.velocity * dt_s - base.xy
-        limit = stance.most_position_lead_m
+        limit = stance.max_position_lead_m
         self.xy = base.xy + (ahead if abs(ahead) <= limit else ahead * (limit / abs(ahead)))
         turned = wrap_angle(self.yaw + yaw_rate * dt_s - base.yaw)
-        limit = stance.most_yaw_lead_rad
+        limit = stance.max_yaw_lead_rad
         self.yaw = base.yaw + min(limit, max(-limit, turned))
         climb = self.requested_height - self.height
         self.height += min(1.0, dt_s / self._settle_s) * climb

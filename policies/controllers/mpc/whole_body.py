@@ -51,7 +51,7 @@ class MpcWholeBody(Mpc):
         self._sole_feedback = config.sole
         self.control = WholeBodyControl(robot, config.whole_body, 1.0 / self.rate_hz)
         foot = self.control.body.foot_of_point
-        self._most_force = config.plan.contact.most_force_n / np.bincount(foot)[foot]
+        self._max_force = config.plan.contact.max_force_n / np.bincount(foot)[foot]
 
     @property
     def notes(self) -> Sequence[str]:
@@ -72,7 +72,7 @@ class MpcWholeBody(Mpc):
             feet=self._foot_accelerations(dynamics, sensed.joint_velocity, base, pose, swing),
             joints=self._posture(sensed.joint_position - self._default_pose, sensed.joint_velocity),
         )
-        max_force = np.where(self.stands[body.foot_of_point], self._most_force, 0.0)
+        max_force = np.where(self.stands[body.foot_of_point], self._max_force, 0.0)
         return self.control.command(
             dynamics, sensed.joint_position, sensed.joint_velocity, desired, max_force
         )

@@ -47,10 +47,10 @@ class Pressure:
     gain: float  # per distance of the capture point from its reference
     half_length_m: float  # largest forward distance from the middle of a single foot
     half_width_m: float  # ... sideways
-    most_lead_m: float  # ... and from the middle of both feet
+    max_lead_m: float  # ... and from the middle of both feet
 
     def __post_init__(self) -> None:
-        require_positive(self, "half_length_m", "half_width_m", "most_lead_m")
+        require_positive(self, "half_length_m", "half_width_m", "max_lead_m")
         require_not_negative(self, "gain")
 
 
@@ -60,11 +60,11 @@ class Start:
 
     capture_m: float  # distance of the capture point from the middle of the feet that triggers a step
     near_m: float  # lateral distance of the capture point to the stance foot at lift-off of the other foot
-    most_s: float  # longest shift before lift-off
+    max_s: float  # longest shift before lift-off
     urgent_m: float  # distance of the capture point ahead or behind that ends the shift at once
 
     def __post_init__(self) -> None:
-        require_positive(self, "capture_m", "near_m", "most_s", "urgent_m")
+        require_positive(self, "capture_m", "near_m", "max_s", "urgent_m")
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,10 @@ class StepConfig:
     attitude: Feedback
     posture: Feedback
     momentum_damping: float  # 1/s
-    most_force: float  # limit of a foot, shared equally by its points; share of the weight
+    max_force: float  # limit of a foot, shared equally by its points; share of the weight
     settle_s: float  # time until the height is reached
     whole_body: WholeBodyConfig
 
     def __post_init__(self) -> None:
-        require_positive(self, "rate_hz", "most_force", "settle_s")
+        require_positive(self, "rate_hz", "max_force", "settle_s")
         require_not_negative(self, "lower_m", "momentum_damping")

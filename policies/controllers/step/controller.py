@@ -39,7 +39,7 @@ class Step:
         self.com_height_m = float((rest.centre - rest.middle)[2]) - config.lower_m
         self.footwork = Footwork(config, np.sign(rest.foot[:, 1]), pendulum_rate(self.com_height_m))
         points = np.bincount(body.foot_of_point)
-        self._most_force = (config.most_force * body.weight_n / points)[body.foot_of_point]
+        self._max_force = (config.max_force * body.weight_n / points)[body.foot_of_point]
         self._offset = CentreOffset(body.weight_n, self.footwork.fall_rate, config.rate_hz)
         self._begin(self.com_height_m + config.lower_m)
 
@@ -89,7 +89,7 @@ class Step:
             feet=feet,
             joints=config.posture(sensed.joint_position - self._default, sensed.joint_velocity),
         )
-        most = self._most_force * np.where(bearing, load, 0.0)[self.control.body.foot_of_point]
+        most = self._max_force * np.where(bearing, load, 0.0)[self.control.body.foot_of_point]
         return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, desired, most)
 
     def _corrected(self, dynamics: Dynamics, joint_torque: np.ndarray, settled: bool) -> Dynamics:

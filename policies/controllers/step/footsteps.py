@@ -26,12 +26,12 @@ class StepLimits:
     ahead_m: Range
     apart_m: Range  # towards the swing foot's own side
     time_s: Range  # since the previous touch-down
-    least_swing_s: float  # shortest time from now to a touch-down
+    min_swing_s: float  # shortest time from now to a touch-down
     speed_m_s: float  # largest mean speed of the foot until touch-down
 
     def __post_init__(self) -> None:
         require_ordered(self, "ahead_m", "apart_m", "time_s")
-        require_positive(self, "least_swing_s", "speed_m_s")
+        require_positive(self, "min_swing_s", "speed_m_s")
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def next_step(
         weights: weights of the deviations.
     """
     growth = math.exp(rate * (nominal.time_s - elapsed_s))
-    soonest = max(limits.time_s[0] - elapsed_s, limits.least_swing_s, way_m / limits.speed_m_s)
+    soonest = max(limits.time_s[0] - elapsed_s, limits.min_swing_s, way_m / limits.speed_m_s)
     latest = max(limits.time_s[1] - elapsed_s, soonest)
     apart = sorted((side * limits.apart_m[0], side * limits.apart_m[1]))
     # In (position, growth): the offset is pressure + (capture - pressure) growth - position. The steps

@@ -110,7 +110,7 @@ class Footwork:
         pressure = capture[:2] + self._config.pressure.gain * (capture[:2] - goal)
         middle = dynamics.middle[:2]
         lead = pressure - middle
-        return middle + lead * min(1.0, self._config.pressure.most_lead_m / max(math.hypot(*lead), 1e-9))
+        return middle + lead * min(1.0, self._config.pressure.max_lead_m / max(math.hypot(*lead), 1e-9))
 
     def shifted(self, dynamics: Dynamics) -> np.ndarray:
         """Capture point (2,) of a steady gait at lift-off of the other foot."""
@@ -128,7 +128,7 @@ class Footwork:
         to_heading = heading_matrix(yaw_of(dynamics.foot_rotation[self.stance_foot]))[:2, :2].T
         missing = to_heading @ (capture[:2] - self.shifted(dynamics))
         outwards = missing[1] * self.side[self.stance_foot]
-        shifted = outwards > -start.near_m or self.elapsed_s > start.most_s
+        shifted = outwards > -start.near_m or self.elapsed_s > start.max_s
         if shifted or abs(missing[0]) > start.urgent_m:
             self.lift(dynamics, shifted=True)
 
@@ -192,7 +192,7 @@ class Footwork:
         nominal = self.nominal(side)
         after_s = max(self.elapsed_s, gait.double_support_s)
         steer, until_landing = self.steer(ahead, nominal, self.lands_after_s - after_s)
-        if self.lands_after_s - after_s > gait.limits.least_swing_s:
+        if self.lands_after_s - after_s > gait.limits.min_swing_s:
             way_m = math.hypot(*(self.next_foothold @ to_world - leaving))
             step = next_step(
                 ahead, until_landing, after_s, way_m, side, rate, nominal, gait.limits, gait.weights

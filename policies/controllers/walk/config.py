@@ -40,13 +40,13 @@ class LevellingConfig:
     gain: float  # share of the measured tilt that the legs correct
     rate_gain_s: float
     filter_s: float  # time constant that keeps the gyro's noise out of the feet's velocity
-    most_rad: float  # largest correction
+    max_rad: float  # largest correction
     body_rate_m_s: float  # rate of change of the body's height
-    most_attitude_rad: float = 0.15  # largest roll and pitch of the live settings
+    max_attitude_rad: float = 0.15  # largest roll and pitch of the live settings
     attitude_rate_rad_s: float = 0.3  # rate of change of roll and pitch
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "gain", "rate_gain_s", "most_rad", "most_attitude_rad")
+        require_not_negative(self, "gain", "rate_gain_s", "max_rad", "max_attitude_rad")
         require_positive(self, "filter_s", "body_rate_m_s", "attitude_rate_rad_s")
 
 
@@ -55,10 +55,10 @@ class HeadingConfig:
     """Correction of the heading, which integrates the commanded yaw rate, by the IMU."""
 
     gain: float  # 1/s, correction per heading error; 0 disables it
-    most_rad: float  # clamp of the heading error: a larger turn, by a push, is not corrected
+    max_rad: float  # clamp of the heading error: a larger turn, by a push, is not corrected
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "gain", "most_rad")
+        require_not_negative(self, "gain", "max_rad")
 
 
 @dataclass(frozen=True)

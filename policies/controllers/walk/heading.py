@@ -22,7 +22,7 @@ class Heading:
             yaw: yaw of the base, rad.
             turned: commanded change of the heading until the next call, rad.
         """
-        limit = self._config.most_rad
+        limit = self._config.max_rad
         ahead = 0.0 if self._yaw is None else wrap_angle(self._yaw - yaw)
         ahead = min(max(ahead, -limit), limit)
         self._yaw = yaw + ahead + turned

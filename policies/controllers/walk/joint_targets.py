@@ -15,7 +15,7 @@ class JointTargets:
         self._no_torque = np.zeros(len(robot.joint_names))
         self._kp, self._kd = self._no_torque + config.kp, self._no_torque + config.kd
         self._dt_s = 1.0 / config.rate_hz
-        self._most_step_rad = robot.description.target_rate_rad_s / config.rate_hz
+        self._max_step_rad = robot.description.target_rate_rad_s / config.rate_hz
         self.begin(robot.default_pose)
 
     def begin(self, position: np.ndarray) -> None:
@@ -33,7 +33,7 @@ class JointTargets:
         goal = self._legs.scatter(self._legs.solve(tips), self._default)
         desired = self._start + share * (goal - self._start)
         # The tempo of a steady walk keeps its targets within this limit; a change of gait may exceed it.
-        before, limit = self._previous, self._most_step_rad
+        before, limit = self._previous, self._max_step_rad
         self._previous = position = np.minimum(np.maximum(desired, before - limit), before + limit)
         velocity = (position - before) / self._dt_s
         return JointCommand(

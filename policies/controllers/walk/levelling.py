@@ -26,6 +26,6 @@ class Levelling:
         if self.attitude.tolist() != self.desired.tolist():
             limit = config.attitude_rate_rad_s * dt_s
             self.attitude = self.attitude + (self.desired - self.attitude).clip(-limit, limit)
-        tilt = tilt_correction(inputs, config.gain, config.rate_gain_s, config.most_rad, self.attitude)
+        tilt = tilt_correction(inputs, config.gain, config.rate_gain_s, config.max_rad, self.attitude)
         self._tilt += min(1.0, dt_s / config.filter_s) * (tilt - self._tilt)
         return level_feet(feet, self._tilt - self.attitude)

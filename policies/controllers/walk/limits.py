@@ -50,7 +50,7 @@ class WalkLimits:
 
     def __init__(self, robot: Robot, centre: np.ndarray, limits: LimitsConfig) -> None:
         self._robot, self._legs, self._centre, self._limits = robot, robot.legs, centre, limits
-        self._most_rate = limits.rate_share * robot.description.target_rate_rad_s
+        self._max_rate = limits.rate_share * robot.description.target_rate_rad_s
 
     def pace(self, walk: SteadyWalk) -> Pace:
         """Pace of a steady walk: the longest strides within reach and margin, then the fastest tempo.
@@ -66,12 +66,12 @@ class WalkLimits:
             why = why or f"strides are shortened: {found}"
         else:
             why = f"it does not walk, however short its strides are: {found}"
-        tempo = min(1.0, self._most_rate / max(rate, 1e-9))
+        tempo = min(1.0, self._max_rate / max(rate, 1e-9))
         if tempo < 1.0:
             period_s = walk.timing.period_s
             slow = (
                 f"the gait is slowed to a period of {period_s / tempo:.2f} s: at {period_s:.2f} s joints"
-                f" would move at {rate:.1f} rad/s, {self._most_rate:.1f} are allowed"
+                f" would move at {rate:.1f} rad/s, {self._max_rate:.1f} are allowed"
             )
             why = f"{why}; {slow}" if why else slow
         return Pace(stride, tempo, why)

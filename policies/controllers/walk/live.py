@@ -17,7 +17,7 @@ ATTITUDE = ("roll_rad", "pitch_rad")
 
 def live_settings(config: WalkConfig, period_s: float) -> dict[str, Span]:
     """Spans of the live settings, around the configuration's values and the gait's own period."""
-    limit = config.levelling.most_attitude_rad
+    limit = config.levelling.max_attitude_rad
     step = {name: getattr(config.step, field) for name, field in _STEP.items()}
     spans = shared({"step_period_s": period_s, **step})
     return spans | dict.fromkeys(ATTITUDE, Span(-limit, limit, 0.0))

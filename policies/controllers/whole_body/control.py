@@ -36,10 +36,10 @@ class NoSolutionConfig:
 
     fade_s: float  # time constant of the torques
     kd: float  # N m s/rad
-    most_s: float  # time without a solution after which the controller raises NoSolutionError
+    max_s: float  # time without a solution after which the controller raises NoSolutionError
 
     def __post_init__(self) -> None:
-        require_positive(self, "fade_s", "kd", "most_s")
+        require_positive(self, "fade_s", "kd", "max_s")
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class WholeBodyControl:
         joint_position: np.ndarray,
         joint_velocity: np.ndarray,
         desired: Desired,
-        most_force: np.ndarray,
+        max_force: np.ndarray,
     ) -> JointCommand:
         """Joint commands for this tick.
 
@@ -108,13 +108,13 @@ class WholeBodyControl:
             joint_position: (n,) rad, measured.
             joint_velocity: (n,) rad/s, measured.
             desired: desired accelerations.
-            most_force: (points,) N, largest upward force of each contact point; 0: no contact.
+            max_force: (points,) N, largest upward force of each contact point; 0: no contact.
 
         Raises:
             NoSolutionError: no solution for longer than the settings allow.
         """
         lower, upper = limit_torque(self._anything, joint_velocity, self._motor)
-        program, meaning = self._programs.build(dynamics, desired, most_force, lower, upper)
+        program, meaning = self._programs.build(dynamics, desired, max_force, lower, upper)
         solution = self.solver.solve(program)
         if solution is None:
             return self._without_solution(joint_position)
@@ -148,8 +148,8 @@ class WholeBodyControl:
         self.unsolved_ticks += 1
         self.notes = (UNSOLVED,)
         self._unsolved_s += self._dt_s
-        if self._unsolved_s > config.most_s:
-            raise NoSolutionError(f"whole-body control found no solution for {config.most_s:g} s")
+        if self._unsolved_s > config.max_s:
+            raise NoSolutionError(f"whole-body control found no solution for {config.max_s:g} s")
         self._position = None
         self._torque = self._torque * math.exp(-self._dt_s / config.fade_s)
         return JointCommand(position, self._zeros, self._zeros, self._damping, self._torque)

@@ -124,7 +124,7 @@ class QuadraticPrograms:
         self,
         dynamics: Dynamics,
         desired: Desired,
-        most_force: np.ndarray,
+        max_force: np.ndarray,
         min_torque: np.ndarray,
         max_torque: np.ndarray,
     ) -> tuple[QuadraticProgram, TorqueMap]:
@@ -133,11 +133,11 @@ class QuadraticPrograms:
         Args:
             dynamics: current dynamics of the robot.
             desired: desired accelerations.
-            most_force: (points,) N, largest upward force of each point; 0: no contact.
+            max_force: (points,) N, largest upward force of each point; 0: no contact.
             min_torque: (n,) N m, current lower limits of the motors.
             max_torque: (n,) N m, upper limits.
         """
-        pattern = self._pattern(most_force > 0.0)
+        pattern = self._pattern(max_force > 0.0)
         standing, n, forces = pattern.standing, self._n, 3 * len(pattern.standing)
         jacobian = dynamics.point_jacobian[standing].reshape(forces, BASE + n)
 
@@ -163,7 +163,7 @@ class QuadraticPrograms:
         gradient = -aim.dot(matrix)
         gradient[forces:] -= self._weights.posture * desired.joints
 
-        max_force = most_force[standing]
+        max_force = max_force[standing]
         rows, lower, upper = pattern.cones.copy(), pattern.lower.copy(), pattern.upper.copy()
         rows[-n:] = torque
         lower[:forces].reshape(-1, 3)[:] *= max_force[:, None]

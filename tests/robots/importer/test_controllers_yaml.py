@@ -45,7 +45,7 @@ class TestScaled:
             ("trot.heading.gain", math.sqrt(0.5)),
             ("trot.rate_hz", 1.0),
             ("mpc.command.acceleration_m_s2", 1.0),
-            ("mpc.contact.most_force_n", 8.0),
+            ("mpc.contact.max_force_n", 8.0),
             ("mpc.weights.position", 0.25),
             ("mpc.weights.velocity", 0.5),
             ("mpc.weights.force", 1 / 64),
