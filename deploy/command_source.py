@@ -33,7 +33,7 @@ VelocityFunction = Callable[[float], np.ndarray]  # walking time, s, to (3,) m/s
 NO_SETTINGS: Mapping[str, float] = {}
 
 
-class Wish(StrEnum):
+class Behaviour(StrEnum):
     """Behaviour requested by an operator or a program."""
 
     WALK = "walk"  # follow the velocity
@@ -46,7 +46,7 @@ class Request(NamedTuple):
     """Newest request of a source. Empty fields change nothing."""
 
     velocity: np.ndarray  # (3,) forward m/s, leftward m/s, yaw rad/s, body frame
-    wish: Wish = Wish.WALK
+    behaviour: Behaviour = Behaviour.WALK
     policy: str = ""  # name of the requested policy; empty for no change
     gait: str = ""  # name of a gait of that policy; empty for no change
     settings: Mapping[str, float] = NO_SETTINGS  # live settings to change, by name

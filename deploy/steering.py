@@ -10,6 +10,7 @@ from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
 from footfall.deploy.command_source import (
     ZERO_COMMAND,
+    Behaviour,
     CommandSource,
     Offer,
     Request,
@@ -17,7 +18,6 @@ from footfall.deploy.command_source import (
     Status,
     Stop,
     StopSource,
-    Wish,
 )
 from footfall.deploy.commands import CommandLimits
 from footfall.deploy.orders import Order, OrderKind
@@ -99,12 +99,12 @@ class Steering:
     @property
     def lie_down(self) -> bool:
         """Whether the source requests the end of the run."""
-        return self._request.wish is Wish.LIE_DOWN
+        return self._request.behaviour is Behaviour.LIE_DOWN
 
     @property
     def get_up(self) -> bool:
         """Whether the source requests that a fallen robot get up."""
-        return self._request.wish is Wish.GET_UP
+        return self._request.behaviour is Behaviour.GET_UP
 
     @property
     def stop(self) -> Stop | None:
@@ -146,7 +146,9 @@ class Steering:
         if follow and not self._checked:
             self._checked = True
             self._check(request)
-        self._follow(request.velocity if follow and request.wish is Wish.WALK else ZERO_COMMAND, run)
+        self._follow(
+            request.velocity if follow and request.behaviour is Behaviour.WALK else ZERO_COMMAND, run
+        )
 
     def _follow(self, velocity: np.ndarray, run: Run) -> None:
         self.requested_command = np.asarray(velocity, dtype=float)
@@ -176,8 +178,8 @@ class Steering:
         before, owner = self._request, request.owner
         if owner != before.owner:
             self._orders.append(Order(OrderKind.STEER, owner))
-        if request.wish is not before.wish:
-            self._orders.append(Order(OrderKind(request.wish), owner))
+        if request.behaviour is not before.behaviour:
+            self._orders.append(Order(OrderKind(request.behaviour), owner))
 
     def _check(self, request: Request) -> None:
         """Find what a request changes; refuse what is unavailable in this run."""

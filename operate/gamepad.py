@@ -14,7 +14,7 @@ from functools import partial
 
 from footfall.common.config import require_between
 from footfall.common.errors import UserError
-from footfall.deploy.command_source import Wish
+from footfall.deploy.command_source import Behaviour
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 from footfall.operate.joystick import Joystick
@@ -74,9 +74,9 @@ class Gamepad:
         buttons = config.buttons
         self._orders: dict[int, Callable[[], None]] = {
             buttons.stop: operator.stop,
-            buttons.lie_down: partial(operator.wish, Wish.LIE_DOWN),
-            buttons.stand: partial(operator.wish, Wish.STAND),
-            buttons.walk: partial(operator.wish, Wish.WALK),
+            buttons.lie_down: partial(operator.request, Behaviour.LIE_DOWN),
+            buttons.stand: partial(operator.request, Behaviour.STAND),
+            buttons.walk: partial(operator.request, Behaviour.WALK),
             buttons.take_over: operator.take_over,
             buttons.gait: operator.next_gait,
         }

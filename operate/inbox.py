@@ -10,21 +10,23 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from numbers import Real
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from footfall.common.config import require_between
-from footfall.common.limits import MAX_COMMAND
-from footfall.deploy.command_source import ZERO_COMMAND, Offer, Request, Status, Stop, Wish
+from footfall.deploy.command_source import ZERO_COMMAND, Behaviour, Request, Status, Stop
 from footfall.deploy.modes import Mode
 from footfall.deploy.steering import NO_GET_UP
+from footfall.operate.request_fields import (
+    MAX_NAME_CHARS,
+    checked_behaviour,
+    checked_name,
+    checked_settings,
+    checked_velocity,
+    refused_name,
+)
 from footfall.policies.live_settings import DECLARED, Access
 
-MAX_NAME_CHARS = 80  # maximum length of an operator's name or a stop's reason
 MAX_NOTE_CHARS = 200  # maximum length
-MAX_SETTING = 1e6  # absolute value of any setting, in its unit
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class Inbox:
         Returns:
             Why it is refused, in one line; empty if it is accepted.
         """
-        if refused := _wrong_name(operator):
+        if refused := refused_name(operator):
             return refused
         with self._lock:
             if self._owner != operator:
@@ -112,7 +114,7 @@ class Inbox:
         self,
         operator: str,
         velocity: Any = None,
-        wish: Any = None,
+        behaviour: Any = None,
         policy: Any = None,
         gait: Any = None,
         settings: Any = None,
@@ -128,7 +130,7 @@ class Inbox:
         Args:
             operator: name of the sender.
             velocity: (3,) forward m/s, leftward m/s, yaw rad/s, body frame.
-            wish: a `Wish` or its text.
+            behaviour: a `Behaviour` or its text.
             policy, gait: names.
             settings: live settings by name.
 
@@ -139,20 +141,20 @@ class Inbox:
         changes: dict[str, Any] = {}
         try:
             if velocity is not None:
-                changes["velocity"] = _velocity(velocity)
-            if wish is not None:
-                changes["wish"] = _wish(wish)
-            if changes.get("wish") is Wish.GET_UP and offer is not None and not offer.get_up:
+                changes["velocity"] = checked_velocity(velocity)
+            if behaviour is not None:
+                changes["behaviour"] = checked_behaviour(behaviour)
+            if changes.get("behaviour") is Behaviour.GET_UP and offer is not None and not offer.get_up:
                 return NO_GET_UP
             if policy is not None:
-                changes["policy"] = _name("policy", policy, offer and offer.policies)
+                changes["policy"] = checked_name("policy", policy, offer and offer.policies)
             if gait is not None:
-                changes["gait"] = _name("gait", gait, offer and offer.gaits)
+                changes["gait"] = checked_name("gait", gait, offer and offer.gaits)
             if settings is not None:
-                changes["settings"] = _settings(settings, offer)
+                changes["settings"] = checked_settings(settings, offer)
         except ValueError as error:
             return str(error)
-        refused = _wrong_name(operator)
+        refused = refused_name(operator)
         with self._lock:
             if not refused and self._owner not in ("", operator):
                 refused = self._permission(operator, changes)
@@ -212,14 +214,16 @@ class Inbox:
             if status.mode is not Mode.WALKING:  # the robot is not under command yet
                 self._walks_since_s = self._clock()
                 return request
-            if request.wish is Wish.GET_UP:  # it stands: after another fall, getting up needs a new request
-                request = request._replace(wish=Wish.WALK)
+            if request.behaviour is Behaviour.GET_UP:
+                # The robot stands again: after another fall, getting up needs a new request.
+                request = request._replace(behaviour=Behaviour.WALK)
                 self._held = self._held._replace(request=request)
             now_s = self._clock()
             if now_s - max(received_s, self._walks_since_s) >= self._config.lie_down_after_s:
                 who = f"'{self._owner}', who has control," if self._owner else "every operator"
                 why = f"{who} was silent for {self._config.lie_down_after_s:g} s: the robot lies down"
-                self._end = request._replace(velocity=ZERO_COMMAND, wish=Wish.LIE_DOWN, note=why, owner="")
+                request = request._replace(velocity=ZERO_COMMAND, behaviour=Behaviour.LIE_DOWN)
+                self._end = request._replace(note=why, owner="")
                 return self._end
             if now_s - moved_s < self._config.still_after_s:
                 return request
@@ -236,54 +240,3 @@ class Inbox:
         if set(changes) == {"settings"} and all(DECLARED[n].access is Access.ANYONE for n in settings):
             return ""
         return self._not_owner(operator)
-
-
-def _wrong_name(operator: Any) -> str:
-    right = isinstance(operator, str) and 0 < len(operator) <= MAX_NAME_CHARS and operator.isprintable()
-    return "" if right else f"an operator's name is a line of 1 to {MAX_NAME_CHARS} characters"
-
-
-def _velocity(given: Any) -> np.ndarray:
-    values = list(given) if isinstance(given, list | tuple | np.ndarray) else []
-    numbers: list[Any] = [each for each in values if isinstance(each, Real) and not isinstance(each, bool)]
-    if len(values) != 3 or len(numbers) != 3:
-        raise ValueError("a velocity is three numbers: forward m/s, leftward m/s, yaw rad/s")
-    if any(abs(each) > MAX_COMMAND for each in numbers):
-        raise ValueError(f"a velocity beyond {MAX_COMMAND:g} m/s or rad/s is refused")
-    velocity = np.array(numbers, dtype=float)
-    if not np.isfinite(velocity).all():
-        raise ValueError("a velocity that is not finite is refused")
-    return velocity
-
-
-def _wish(given: Any) -> Wish:
-    try:
-        return Wish(given)
-    except ValueError:
-        raise ValueError(f"a wish is one of {', '.join(Wish)}") from None
-
-
-def _name(kind: str, given: Any, known: Any) -> str:
-    if not isinstance(given, str) or len(given) > MAX_NAME_CHARS:
-        raise ValueError(f"a {kind} must be a name")
-    if known is not None and given not in ("", *known):
-        raise ValueError(f"there is no {kind} '{given}' here: {', '.join(known) or 'none can be chosen'}")
-    return given
-
-
-def _settings(given: Any, offer: Offer | None) -> dict[str, float]:
-    if not isinstance(given, Mapping):
-        raise ValueError("settings are numbers by name")
-    known = DECLARED if offer is None else offer.settings
-    settings = {}
-    for name, value in given.items():
-        if not isinstance(name, str) or name not in known or name not in DECLARED:
-            shown = str(name)[:MAX_NAME_CHARS]
-            raise ValueError(
-                f"there is no setting '{shown}' here: {', '.join(known) or 'none can be changed'}"
-            )
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not abs(value) < MAX_SETTING:  # rejects NaN, too
-            raise ValueError(f"{name} is a number, in {DECLARED[name].unit}")
-        settings[name] = float(value)
-    return settings

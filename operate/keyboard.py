@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from footfall.common.config import require_between
-from footfall.deploy.command_source import Wish
+from footfall.deploy.command_source import Behaviour
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 from footfall.operate.opened import Opened
@@ -77,8 +77,8 @@ class Keyboard:
             "r": partial(operator.raise_body, up_m),
             "f": partial(operator.raise_body, -up_m),
             "t": operator.take_over,
-            "l": partial(operator.wish, Wish.LIE_DOWN),
-            "u": partial(operator.wish, Wish.GET_UP),
+            "l": partial(operator.request, Behaviour.LIE_DOWN),
+            "u": partial(operator.request, Behaviour.GET_UP),
             "x": operator.stop,
         }
 

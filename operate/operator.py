@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from footfall.deploy.command_source import Wish
+from footfall.deploy.command_source import Behaviour
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 
@@ -36,9 +36,9 @@ class Operator:
             ]
         self._refused = self._inbox.put(self._name, velocity=velocity)
 
-    def wish(self, wish: Wish) -> None:
+    def request(self, behaviour: Behaviour) -> None:
         """Request to walk, stand or lie down."""
-        self._answer = self._inbox.put(self._name, wish=wish) or wish.value.replace("_", " ")
+        self._answer = self._inbox.put(self._name, behaviour=behaviour) or behaviour.value.replace("_", " ")
 
     def stop(self) -> None:
         """Stop the robot: it lies down; a second stop damps it."""

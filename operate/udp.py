@@ -17,14 +17,14 @@ from typing import Any
 from footfall.common.errors import UserError
 from footfall.operate.abilities import Abilities
 from footfall.operate.datagrams import answered
-from footfall.operate.inbox import MAX_NAME_CHARS, Inbox
+from footfall.operate.inbox import Inbox
 from footfall.operate.opened import Opened
+from footfall.operate.request_fields import MAX_NAME_CHARS, request_fields
 from footfall.operate.udp_client import MAX_DATAGRAM_BYTES, PORT, REPLY, REQUEST, TOKEN, pack, unpack
 
 MIN_TOKEN_CHARS = 16  # characters
 CHALLENGE_S = 1.0  # a challenge is valid during this time and the next one
 MAX_SENDERS = 64
-FIELDS = ("velocity", "wish", "policy", "gait", "settings")
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Receiver:
             return ""
         if request.get("take_over") is True and (refused := self._inbox.take_over(name)):
             return refused
-        fields = {key: request[key] for key in FIELDS if key in request}
+        fields = request_fields(request)
         return self._inbox.put(name, **fields) if fields else ""
 
     def _reply(self, request: dict[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ content: JSON in UTF-8. A request has
     sender, number   a random name of the client, and an increasing number
     challenge        of the latest reply
     name             of the operator
-    velocity, wish, policy, gait, settings    the request; what is omitted stays unchanged
+    velocity, behaviour, policy, gait, settings    the request; what is omitted stays unchanged
     take_over        true: take control
     stop, damp       a reason: stop the robot; damp it at once
 

@@ -185,9 +185,9 @@ def follow(peer: Peer) -> None:
 
 def ask_by_topics(peer: Peer) -> None:
     """Test requests by topics, the only way without rclpy."""
-    wish = peer.node.create_publisher(String, "/footfall/wish", 10)
+    behaviour = peer.node.create_publisher(String, "/footfall/behaviour", 10)
     policy = peer.node.create_publisher(String, "/footfall/policy", 10)
-    peer.until(lambda: wish.get_subscription_count() and policy.get_subscription_count(), 10.0)
+    peer.until(lambda: behaviour.get_subscription_count() and policy.get_subscription_count(), 10.0)
     policy.publish(String(data="nobody"))
     lines = lambda: [m.data for _, m in peer.received["/footfall/notes"] if "nobody" in m.data]  # noqa: E731
     peer.until(lines, 20.0)

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from footfall.deploy.command_source import NO_SETTINGS, ZERO_COMMAND, Pose, Request, Wish
+from footfall.deploy.command_source import NO_SETTINGS, ZERO_COMMAND, Behaviour, Pose, Request
 from footfall.operate.abilities import Limits
 from footfall.operate.missions.follow import Tracking, along, arrived, distance, nearest, towards
 from footfall.operate.missions.path import Path
@@ -160,7 +160,7 @@ class LieDown:
     """Lie down, which ends the run."""
 
     def act(self, now: Now) -> Act:
-        return Act(Request(ZERO_COMMAND, Wish.LIE_DOWN), 0.0, done=True)
+        return Act(Request(ZERO_COMMAND, Behaviour.LIE_DOWN), 0.0, done=True)
 
 
 def _off(error_m: float, tracking: Tracking) -> str:

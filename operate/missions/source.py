@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.deploy.command_source import ZERO_COMMAND, Pose, Request, Status, Wish
+from footfall.deploy.command_source import ZERO_COMMAND, Behaviour, Pose, Request, Status
 from footfall.deploy.modes import Mode
 from footfall.operate.abilities import Abilities
 from footfall.operate.missions.activities import Act, Now
@@ -152,7 +152,7 @@ class MissionSource:
             outcome = f"gave up at step {self._index + 1}{kind}: {outcome}"
             note = f"the mission {outcome}"
         self.progress = self.progress._replace(outcome=outcome, step_remaining_s=0.0, remaining_s=0.0)
-        self._request = self._request._replace(velocity=ZERO_COMMAND, wish=Wish.LIE_DOWN, note=note)
+        self._request = self._request._replace(velocity=ZERO_COMMAND, behaviour=Behaviour.LIE_DOWN, note=note)
         return self._request
 
     def _pose(self, pose: Pose) -> Pose:

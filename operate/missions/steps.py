@@ -11,7 +11,7 @@ import numpy as np
 
 from footfall.common.config import require_between, takes_other_keys
 from footfall.common.limits import MAX_COMMAND, MAX_DURATION_S
-from footfall.deploy.command_source import ZERO_COMMAND, Offer, Pose, Request, Wish
+from footfall.deploy.command_source import ZERO_COMMAND, Behaviour, Offer, Pose, Request
 from footfall.operate.abilities import Limits
 from footfall.operate.missions.activities import JUMP_S, Change, Cover, Hold, Leap, LieDown
 from footfall.operate.missions.courses import MAX_DISTANCE_M, Circle, GoTo, Rectangle, Turn, Waypoints
@@ -43,7 +43,7 @@ class Stand(Wait):
     """Stand for some time."""
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
-        return Plan(self.for_s, begin, Hold(Request(ZERO_COMMAND, Wish.STAND), self.for_s))
+        return Plan(self.for_s, begin, Hold(Request(ZERO_COMMAND, Behaviour.STAND), self.for_s))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 From the bridge, one request per line, each with some of these keys:
 
-    {"id": 7, "velocity": [0.5, 0, 0], "wish": "walk", "gait": "trot", "settings": {"roll_rad": 0.1}}
+    {"id": 7, "velocity": [0.5, 0, 0], "behaviour": "walk", "gait": "trot", "settings": {"roll_rad": 0.1}}
     {"id": 8, "stop": "a service"}    {"id": 9, "take_over": true}    {"note": "for the run's notes"}
     {"id": 10, "path": [[1, 0], [1, 2]], "yaw_rad": 1.57, "goal": 3}    {"id": 11, "path": null}
 
@@ -24,12 +24,12 @@ from typing import Any
 
 from footfall.deploy.command_source import ZERO_COMMAND, Status
 from footfall.operate.inbox import Inbox
+from footfall.operate.request_fields import FIELDS, FORMER_FIELDS, request_fields
 from footfall.operate.ros2.path_source import PathSource, PathState
 
 STATUS_EVERY_S = 0.1
 MAX_LINE_BYTES = 2**20  # bytes
 OTHERS = ("stop", "take_over", "note", "path")
-ASKED = ("velocity", "wish", "policy", "gait", "settings")  # arguments of `Inbox.put`
 
 
 class SteeringSocket:
@@ -122,9 +122,9 @@ class SteeringSocket:
             return ""
         if "path" in request:
             return self._path(**request)
-        if unknown := sorted(set(request) - set(ASKED)):
-            return f"there is no request '{unknown[0]}': {', '.join((*ASKED, *OTHERS))}"
-        return self._paths.put(**request)
+        if unknown := sorted(set(request) - {*FIELDS, *FORMER_FIELDS}):
+            return f"there is no request '{unknown[0]}': {', '.join((*FIELDS, *OTHERS))}"
+        return self._paths.put(**request_fields(request))
 
     def _path(self, path: Any, yaw_rad: Any = None, goal: Any = 0) -> str:
         if path is None:

@@ -65,7 +65,8 @@ CMD_VEL = Subscribed(
 )
 STOP = Subscribed("~/stop", _EMPTY, "stop", "stops the run: latched")
 CHOSEN = (
-    Subscribed("~/wish", _TEXT, "wish", "`walk`, `stand`, `lie_down` or, after a fall, `get_up`"),
+    Subscribed("~/behaviour", _TEXT, "behaviour", "`walk`, `stand`, `lie_down` or, after a fall, `get_up`"),
+    Subscribed("~/wish", _TEXT, "behaviour", "former name of `~/behaviour`"),
     Subscribed("~/gait", _TEXT, "gait", "name of a gait of the current policy"),
     Subscribed("~/policy", _TEXT, "policy", "name of a policy of this run"),
 )
@@ -94,10 +95,10 @@ def other_type(topic: str, expected: str, found: str) -> str:
 TRIGGER = "std_srvs/srv/Trigger"
 SERVICES = (
     Service("~/stop", TRIGGER, "stops the run: latched", {"stop": "service"}),
-    Service("~/walk", TRIGGER, "follow `cmd_vel`", {"wish": "walk"}),
-    Service("~/stand", TRIGGER, "stand, whatever `cmd_vel` is", {"wish": "stand"}),
-    Service("~/lie_down", TRIGGER, "lie down and end the run", {"wish": "lie_down"}),
-    Service("~/get_up", TRIGGER, "get up after a fall, in a run with `--recover`", {"wish": "get_up"}),
+    Service("~/walk", TRIGGER, "follow `cmd_vel`", {"behaviour": "walk"}),
+    Service("~/stand", TRIGGER, "stand, whatever `cmd_vel` is", {"behaviour": "stand"}),
+    Service("~/lie_down", TRIGGER, "lie down and end the run", {"behaviour": "lie_down"}),
+    Service("~/get_up", TRIGGER, "get up after a fall, in a run with `--recover`", {"behaviour": "get_up"}),
     Service("~/take_over", TRIGGER, "take control, whoever has it", {"take_over": True}),
 )
 CHOICES = {  # one service per name offered by the run

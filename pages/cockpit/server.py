@@ -26,7 +26,7 @@ MAX_MESSAGE_BYTES = 2048  # of a visitor's message
 MAX_MESSAGES_PER_S = 100  # messages of one visitor
 MAX_VISITORS = 8
 # Commands that a visitor may send, and their values. No command resets a fault.
-COMMANDS = {"take": (), "release": (), "put": ("velocity", "wish", "policy", "gait", "settings")}
+COMMANDS = {"take": (), "release": (), "put": ("velocity", "behaviour", "policy", "gait", "settings")}
 HEADERS = {
     "Content-Type": "text/html; charset=utf-8",
     "Cache-Control": "no-store",

@@ -11,7 +11,7 @@ from deploy_policies import Hold, short_episode
 from frame_robot import FrameRobot
 from loops import loop_of, until
 
-from footfall.deploy.command_source import Request, Status, Stop, Wish
+from footfall.deploy.command_source import Behaviour, Request, Status, Stop
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
@@ -55,18 +55,18 @@ class Rise(Hold):
         return super().act(inputs)._replace(position=position)
 
 
-class SourceWithWish:
-    """A command source that always requests the same wish."""
+class SourceOfBehaviour:
+    """A command source that always requests the same behaviour."""
 
     stopped: Stop | None = None
 
-    def __init__(self, wish: Wish = Wish.WALK) -> None:
-        self.wish = wish
+    def __init__(self, behaviour: Behaviour = Behaviour.WALK) -> None:
+        self.behaviour = behaviour
         self.seen: list[Status] = []
 
     def poll(self, status: Status) -> Request:
         self.seen.append(status)
-        return Request(np.array([0.2, 0.0, 0.0]), self.wish)
+        return Request(np.array([0.2, 0.0, 0.0]), self.behaviour)
 
 
 def fallen(robot: Robot, consent: bool = True, **settings: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
@@ -94,14 +94,14 @@ FAULTS: dict[str, Callable[[FrameRobot, ControlLoop], object]] = {
     "silent motor": lambda body, _: setattr(body, "silent", [4]),
     "hot motor": lambda body, _: setattr(body, "temperature_c", 95),
     "motor error": lambda body, _: body.error.__setitem__(3, 1),
-    "stop": lambda *_: setattr(SourceWithWish, "stopped", Stop("stopped by x")),
+    "stop": lambda *_: setattr(SourceOfBehaviour, "stopped", Stop("stopped by x")),
     "end": lambda _, loop: loop.finish(),
 }
 
 
 class TestOnFrames:
     def test_a_robot_gets_up_stands_and_walks_on_under_the_policy_that_walked(self, go1: Robot) -> None:
-        source = SourceWithWish()
+        source = SourceOfBehaviour()
         loop, body, walks, rises = fallen(go1, command_source=source)
         until(loop, Mode.RECOVERING)
         assert loop.recovery.recovered == []
@@ -145,9 +145,9 @@ class TestFaultsWhileGettingUp:
     @pytest.mark.parametrize("fault", FAULTS)
     @pytest.mark.parametrize("mode", [Mode.RECOVERING, Mode.FALLING])
     def test_it_stays_down(self, go1: Robot, monkeypatch: pytest.MonkeyPatch, fault: str, mode: Mode) -> None:
-        monkeypatch.setattr(SourceWithWish, "stopped", None)
+        monkeypatch.setattr(SourceOfBehaviour, "stopped", None)
         ends = Mode.FALLING if fault == "end" else Mode.ESTOP
-        loop, body, *_ = fallen(go1, command_source=SourceWithWish())
+        loop, body, *_ = fallen(go1, command_source=SourceOfBehaviour())
         until(loop, mode)
         FAULTS[fault](body, loop)
         modes = to_the_end(loop)

@@ -9,7 +9,7 @@ import pytest
 from deploy_policies import Hold
 
 from footfall.deploy.changes import Change
-from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Request, Status, Stop, Wish
+from footfall.deploy.command_source import UNKNOWN_POSE, Behaviour, Offer, Request, Status, Stop
 from footfall.deploy.modes import Mode
 from footfall.deploy.steering import Steering
 from footfall.policies.live_settings import Applied, Span
@@ -107,9 +107,9 @@ def test_gait_and_settings_wait_for_the_next_policy(steering: Steering, source: 
     assert changes_of(steering) == [Change(gait="walk")]
 
 
-def test_a_wish_other_than_to_walk_means_a_zero_command(steering: Steering, source: ScriptedSource) -> None:
-    for wish, lies in ((Wish.STAND, False), (Wish.LIE_DOWN, True)):
-        source.request = Request(FORWARD, wish=wish)
+def test_any_behaviour_but_walking_means_a_zero_command(steering: Steering, source: ScriptedSource) -> None:
+    for behaviour, lies in ((Behaviour.STAND, False), (Behaviour.LIE_DOWN, True)):
+        source.request = Request(FORWARD, behaviour=behaviour)
         steering.poll(0, RUN, follow=True)
         assert (steering.command.tolist(), steering.lie_down) == ([0.0, 0.0, 0.0], lies)
 

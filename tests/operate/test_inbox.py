@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fake_time import Watch
 
-from footfall.deploy.command_source import UNKNOWN_POSE, Offer, Status, Wish
+from footfall.deploy.command_source import UNKNOWN_POSE, Behaviour, Offer, Status
 from footfall.deploy.modes import Mode
 from footfall.operate.inbox import Inbox, InboxConfig
 from footfall.policies.live_settings import Span
@@ -34,10 +34,10 @@ def test_the_longest_silence_between_two_goals_can_be_set(inbox: Inbox, watch: W
     assert inbox.put("nav2", velocity=[0.1, 0, 0]) == ""
     inbox.poll(WALKING)
     watch.now_s += 99.0
-    assert inbox.poll(WALKING).wish is Wish.WALK
+    assert inbox.poll(WALKING).behaviour is Behaviour.WALK
     assert not inbox.poll(WALKING).velocity.any()
     watch.now_s += 1.0
-    assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
+    assert inbox.poll(WALKING).behaviour is Behaviour.LIE_DOWN
 
 
 def test_a_new_value_replaces_only_the_previous_value_of_its_kind(inbox: Inbox) -> None:
@@ -50,14 +50,14 @@ def test_a_new_value_replaces_only_the_previous_value_of_its_kind(inbox: Inbox) 
 
 
 def test_getting_up_is_requested_after_each_fall_or_refused(inbox: Inbox) -> None:
-    assert "--recover" in inbox.put("page", wish="get_up")
+    assert "--recover" in inbox.put("page", behaviour="get_up")
     offer = OFFER._replace(get_up="up")
     inbox.poll(STANDING._replace(offer=offer))
-    assert inbox.put("page", wish="get_up") == ""
+    assert inbox.put("page", behaviour="get_up") == ""
     fallen = STANDING._replace(mode=Mode.FALLING, offer=offer)
-    assert inbox.poll(fallen).wish is Wish.GET_UP
-    assert inbox.poll(WALKING._replace(offer=offer)).wish is Wish.WALK
-    assert inbox.poll(fallen).wish is Wish.WALK
+    assert inbox.poll(fallen).behaviour is Behaviour.GET_UP
+    assert inbox.poll(WALKING._replace(offer=offer)).behaviour is Behaviour.WALK
+    assert inbox.poll(fallen).behaviour is Behaviour.WALK
 
 
 @pytest.mark.parametrize(
@@ -71,8 +71,8 @@ def test_getting_up_is_requested_after_each_fall_or_refused(inbox: Inbox) -> Non
         {"velocity": ["0.3", "0", "0"]},
         {"velocity": [10**400, 0, 0]},
         {"velocity": [1e9, 0, 0]},
-        {"wish": "fly"},
-        {"wish": []},
+        {"behaviour": "fly"},
+        {"behaviour": []},
         {"policy": "mpc"},
         {"policy": 7},
         {"gait": "bound"},
@@ -120,10 +120,11 @@ def test_a_silent_operator_stops_the_robot_and_later_lays_it_down(inbox: Inbox, 
     assert inbox.poll(WALKING).velocity[0] == 0.2
     watch.now_s += 3.01
     end = inbox.poll(WALKING)
-    assert (end.wish, end.velocity[0], end.owner) == (Wish.LIE_DOWN, 0.0, "")  # requested by the run itself
+    assert (end.behaviour, end.velocity[0]) == (Behaviour.LIE_DOWN, 0.0)
+    assert end.owner == ""  # requested by the run itself
     assert "page" in end.note
     inbox.put("page", velocity=[0.2, 0, 0])
-    assert inbox.poll(WALKING).wish is Wish.LIE_DOWN
+    assert inbox.poll(WALKING).behaviour is Behaviour.LIE_DOWN
 
 
 def test_anyone_stops_the_robot_and_stopping_again_damps_it(inbox: Inbox) -> None:

@@ -11,7 +11,7 @@ from walking_run import LIMITS, WALKING, abilities
 
 from footfall.common.errors import UserError
 from footfall.deploy.battery import BatteryState
-from footfall.deploy.command_source import Pose, Request, Wish
+from footfall.deploy.command_source import Behaviour, Pose, Request
 from footfall.operate.missions.activities import Now, Reach
 from footfall.operate.missions.follow import Tracking
 from footfall.operate.missions.mission import load_mission, mission_of
@@ -83,7 +83,7 @@ def test_each_step_reaches_its_goal() -> None:
         assert walker.source.progress.outcome == DONE, steps
         assert math.dist(where[:2], (ahead, left)) < 0.1, (steps, where)
         assert abs(where[2] - turned) < 8.0 or turned == 233.0, (steps, where)
-        assert walker.requests[-1].wish is Wish.LIE_DOWN
+        assert walker.requests[-1].behaviour is Behaviour.LIE_DOWN
 
 
 def test_remaining_time_is_about_right() -> None:
@@ -109,7 +109,7 @@ def test_a_mission_gives_up_with_its_reason() -> None:
     assert "no odometry" in lost.run().source.progress.outcome
     for walker in (stuck, slow, carried, lost):
         last = walker.requests[-1]
-        assert (last.velocity.any(), last.wish) == (False, Wish.LIE_DOWN)
+        assert (last.velocity.any(), last.behaviour) == (False, Behaviour.LIE_DOWN)
         assert last.note.startswith("the mission gave up")
 
 

@@ -7,6 +7,7 @@ from fake_time import Watch
 from walking_run import WALKING, abilities, polled_until
 
 from footfall.common.errors import UserError
+from footfall.deploy.command_source import Behaviour
 from footfall.operate.inbox import Inbox
 from footfall.operate.udp import Receiver, UdpConfig, steered_by_udp
 from footfall.operate.udp_client import REPLY, REQUEST, UdpSteering, pack, unpack
@@ -71,6 +72,8 @@ def test_only_fresh_datagrams_of_holders_of_the_token_steer() -> None:
     assert sender.send(velocity=[0.1, 0, 0]) == ""
     other = Sender(Receiver(Inbox(), TOKEN, watch))  # another run with the same token
     assert other.again(sender.sent) == "challenge"
+    assert sender.send(wish="stand") == ""  # former name of `behaviour`
+    assert inbox.poll(WALKING).behaviour is Behaviour.STAND
     assert sender.send(stop="a cable") == ""
     assert inbox.stopped is not None
     assert "planner" in inbox.stopped.reason

@@ -134,11 +134,11 @@ def read(tmp_path: Path, text: str, suffix: str = "xml") -> Source:
     return read_source(path)
 
 
-def make(tmp_path: Path, text: str, suffix: str = "urdf", **wishes: object) -> tuple[Robot, Imported]:
+def make(tmp_path: Path, text: str, suffix: str = "urdf", **options: object) -> tuple[Robot, Imported]:
     """Write a model, import it, and load the result."""
     source = tmp_path / f"model.{suffix}"
     source.write_text(text)
-    made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, **{"gaits_of": gaits_of, **wishes}))
+    made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, **{"gaits_of": gaits_of, **options}))
     return load_robot(made.folder), made
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from walking_run import WALKING, abilities, eventually
 
-from footfall.deploy.command_source import Wish
+from footfall.deploy.command_source import Behaviour
 from footfall.operate.inbox import Inbox, InboxConfig
 from footfall.operate.ros2.link import Link
 from footfall.operate.ros2.path_source import PathSource
@@ -43,12 +43,17 @@ def test_requests_reach_the_inbox_and_refusals_are_returned(inbox: Inbox, path: 
     request = inbox.poll(WALKING)
     assert (inbox.owner, request.velocity.tolist()) == ("ros2", [0.3, 0.0, 0.1])
     assert (request.gait, request.settings) == ("wave", {"step_height_m": 0.04})
-    for wrong in ({"velocity": [float("nan"), 0, 0]}, {"gait": "fly"}, {"weight": 1}, {"wish": ["walk"]}):
+    for wrong in (
+        {"velocity": [float("nan"), 0, 0]},
+        {"gait": "fly"},
+        {"weight": 1},
+        {"behaviour": ["walk"]},
+    ):
         assert "\n" not in link.ask(**wrong) != ""
     link.post(gait="fly")
     link.post(gait="fly")
-    link.post(wish="stand")
-    assert eventually(lambda: inbox.poll(WALKING).wish is Wish.STAND)
+    link.post(wish="stand")  # former name
+    assert eventually(lambda: inbox.poll(WALKING).behaviour is Behaviour.STAND)
     assert len(result) == 1, "the same refusal is reported once"
     assert inbox.take_over("page") == ""
     assert link.ask(velocity=[0.1, 0, 0]) != ""
@@ -77,10 +82,10 @@ def test_a_run_waits_for_the_first_request_and_ends_after_silence(tmp_path: Path
     link = Link(str(tmp_path / "steer"), lambda _: None, lambda _: None)
     end_s = time.monotonic() + 0.8
     while time.monotonic() < end_s:
-        assert inbox.poll(WALKING).wish is Wish.WALK
+        assert inbox.poll(WALKING).behaviour is Behaviour.WALK
         time.sleep(0.01)
     assert link.ask(velocity=[0.1, 0, 0]) == ""
-    assert eventually(lambda: inbox.poll(WALKING).wish is Wish.LIE_DOWN)
+    assert eventually(lambda: inbox.poll(WALKING).behaviour is Behaviour.LIE_DOWN)
     server.close()
 
 

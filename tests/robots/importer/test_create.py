@@ -140,9 +140,9 @@ class TestDerived:
 
 def test_a_torque_is_given_by_a_part_of_a_joints_name(tmp_path: Path) -> None:
     """The longest matching part counts; other joints keep the file's torque."""
-    wishes = {"knee": 11.0, "RR_knee": 12.5}
+    options = {"knee": 11.0, "RR_knee": 12.5}
     robot, _ = make(
-        tmp_path, quadruped(), peak_torque_nm=wishes, armature={"": 0.006}, speed_rad_s={"hip": 7.0}
+        tmp_path, quadruped(), peak_torque_nm=options, armature={"": 0.006}, speed_rad_s={"hip": 7.0}
     )
     peak = dict(zip(robot.joint_names, robot.motor.peak_torque, strict=True))
     assert (peak["FL_knee"], peak["RR_knee"], peak["FL_roll"]) == (11.0, 12.5, 21.0)
@@ -246,9 +246,9 @@ def test_controllers_depend_on_the_number_of_legs(
 
 
 class TestCreate:
-    def request(self, tmp_path: Path, folder: str = "made", **wishes: Any) -> ImportRequest:
+    def request(self, tmp_path: Path, folder: str = "made", **options: Any) -> ImportRequest:
         (tmp_path / "m.urdf").write_text(quadruped())
-        return ImportRequest(tmp_path / "m.urdf", tmp_path / folder, RANGES, **wishes)
+        return ImportRequest(tmp_path / "m.urdf", tmp_path / folder, RANGES, **options)
 
     def test_the_folders_parents_are_created_and_the_robot_has_its_name(self, tmp_path: Path) -> None:
         made = import_robot(self.request(tmp_path, "new/deep/my dog-2_x"))

@@ -32,12 +32,12 @@ class TestDrive:
         hinges: Sequence[Hinge],
         torque: Sequence[float],
         statics: Statics = CALM,
-        wished: dict[str, float] | None = None,
+        given: dict[str, float] | None = None,
         speed: dict[str, float] | None = None,
     ) -> Drive:
         machine = rod_machine(hinges)
         peak = {each.name: value for each, value in zip(hinges, torque, strict=True)}
-        return choose_drive(machine, source_of(tmp_path, peak, speed), peak, wished or {}, statics)
+        return choose_drive(machine, source_of(tmp_path, peak, speed), peak, given or {}, statics)
 
     def test_the_middle_joint_has_peak_torque_at_0_75_rad(self, tmp_path: Path) -> None:
         """20 N m over 0.01 kg m^2 and 0.75 rad give 51.6 rad/s or 8.2 Hz, which is rounded down to 8 Hz."""
@@ -70,7 +70,7 @@ class TestDrive:
 
     def test_speeds_are_the_users_or_else_the_files_if_plausible(self, tmp_path: Path) -> None:
         drive = self.drive(
-            tmp_path, self.HINGES, (20.0,) * 3, wished={"a": 12.0}, speed={"a": 3.0, "b": 59.0, "c": 61.0}
+            tmp_path, self.HINGES, (20.0,) * 3, given={"a": 12.0}, speed={"a": 3.0, "b": 59.0, "c": 61.0}
         )
         assert [drive.motors[name].no_load_speed_rad_s for name in "abc"] == [12.0, 59.0, 30.0]
         assert [guess for guess in drive.guesses if "no-load speed of" in guess] == [
