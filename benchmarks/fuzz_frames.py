@@ -56,7 +56,7 @@ def fuzz_motors_of(model: str, known: bool, batches: range, tally: Tally) -> Non
     joints.begin_at(robot.default_pose)
     wires, decoder = Wires(wiring, driver, end), open_motor_end(wiring)
     decoder.requests(driver.query_settings())  # as the decoder of motors that receive only commands
-    label = f"{model or 'own motors'}, {'known' if known else 'asked'}"
+    label = f"{model or 'own motors'}, {'known' if known else 'queried'}"
     for batch in batches:
         rng = np.random.default_rng(batch)
         to_host, to_motors = (wires.batches(rng, from_motors) for from_motors in (True, False))
@@ -183,11 +183,11 @@ def excess(sent: np.ndarray, position: np.ndarray, velocity: np.ndarray, robot: 
     """
     motor = robot.motor
     target, target_velocity, kp, kd, torque = sent
-    asked = kp * (target - position) + kd * (target_velocity - velocity) + torque
+    torque_nm = kp * (target - position) + kd * (target_velocity - velocity) + torque
     left = motor.stall_torque * (1.0 - np.abs(velocity) / motor.no_load_speed)
-    pushes = asked * velocity > 0.0
-    possible = np.where(pushes, np.clip(left, 0.0, motor.peak_torque), motor.peak_torque)
-    return (np.abs(asked) - possible) / motor.peak_torque
+    accelerates = torque_nm * velocity > 0.0
+    possible = np.where(accelerates, np.clip(left, 0.0, motor.peak_torque), motor.peak_torque)
+    return (np.abs(torque_nm) - possible) / motor.peak_torque
 
 
 def move(motors: SimulatedMotors, step: int, batches: list[Frames]) -> None:

@@ -64,7 +64,7 @@ def walk(trial: Trial) -> dict[str, Any]:
         "fell": trace.fell,
         "faults": list(trace.faults),
         "notes": list(trace.notes),
-        "way_m": float(went[0]),
+        "distance_m": float(went[0]),
         "speed_m_s": float(went[0] / max(trace.time_s[-1], 1e-9)),
         "sideways_percent": 100.0 * float(abs(went[1])) / max(float(went[0]), 1e-9),
         "turned_deg": math.degrees(abs(yaw[-1] - yaw[0])),

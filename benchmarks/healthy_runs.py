@@ -57,7 +57,9 @@ def _beyond_falls(config: DeployConfig) -> DeployConfig:
 
     They are so high that no fall reaches them.
     """
-    sensors = replace(config.safety.sensors, sunk=1.0, rotation_rad=math.pi, lean_error=2.0, lift_error=2.0)
+    sensors = replace(
+        config.safety.sensors, sunk=1.0, rotation_rad=math.pi, lateral_error=2.0, lift_error=2.0
+    )
     return replace(config, safety=replace(config.safety, tilt_limit_rad=math.pi / 2, sensors=sensors))
 
 

@@ -159,7 +159,7 @@ def follow(walk: Walk) -> dict[str, Any]:
     return {
         **walk._asdict(),
         "fell": trace.fell,
-        "way_m": way,
+        "distance_m": way,
         "error_m": off,
         "drift_percent": 100.0 * off / way if way > LONG_ENOUGH_M else None,
         "rows": recorder.rows,
@@ -187,7 +187,7 @@ def summary(walks: list[dict[str, Any]]) -> dict[str, Any]:
             "drift_percent_p95": float(np.percentile(drift, 95)),
             "drift_percent_max": float(drift.max()),
             "share_below_goal": float((drift <= GOAL).mean()),
-            "way_m": float(np.mean([walk["way_m"] for walk in whole])),
+            "distance_m": float(np.mean([walk["distance_m"] for walk in whole])),
         }
     return {**figures, "within_two_sigma": within_two_sigma(whole)}
 
@@ -215,7 +215,8 @@ def write(rows: list[dict[str, Any]]) -> None:
         drift = [row.get(f"drift_percent_{key}", math.nan) for key in ("median", "p95", "max")]
         print(
             f"| {row['robot']} | {row['policy']} | {row['plant']} | {row['walks']} ({row['fell']}) |"
-            f" {row.get('way_m', math.nan):.1f} | {', '.join(f'{value:.2f}' for value in drift)} | {inside} |"
+            f" {row.get('distance_m', math.nan):.1f} |"
+            f" {', '.join(f'{value:.2f}' for value in drift)} | {inside} |"
         )
 
 

@@ -96,7 +96,9 @@ def _draw_path(axes: Axes, walk: Walk, colour: str) -> None:
     axes.plot(*true, color=colour, lw=5, alpha=0.35, solid_capstyle="round")
     axes.plot(*found, color="black", lw=1.2)
     axes.plot(*true[:, :1], "o", color=colour, ms=8)
-    axes.set_title(f"{walk['policy']}\n{walk['drift_percent']:.1f} % of {walk['way_m']:.1f} m", fontsize=12)
+    axes.set_title(
+        f"{walk['policy']}\n{walk['drift_percent']:.1f} % of {walk['distance_m']:.1f} m", fontsize=12
+    )
     axes.set_aspect("equal", adjustable="datalim")
     axes.locator_params(nbins=4)
     axes.set_xlabel("m")

@@ -59,9 +59,9 @@ def at_level(config: EnvConfig, scenario: Scenario, level: dict[str, float]) -> 
     terrain: TerrainConfig = replace(
         config.terrain, grounds=(ground,), levels=2, start_levels=1, spread_m=0.0
     )
-    asked = scenario.script[0]
+    command = scenario.script[0]
     axes = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
-    ranges = CommandRange(**{axis: (getattr(asked, axis) or 0.0,) * 2 for axis in axes})
+    ranges = CommandRange(**{axis: (getattr(command, axis) or 0.0,) * 2 for axis in axes})
     commands = replace(
         config.commands,
         ranges=ranges,
@@ -119,7 +119,7 @@ def successes(
         begun = state, observation, jnp.zeros(count, bool)
         (state, _, fell), _ = jax.lax.scan(step, begun, None, length=steps)
         walked = state.terms[KEY][KEY]
-        return ~fell & (walked.along >= SUCCESS_PROGRESS * walked.asked), friction
+        return ~fell & (walked.along >= SUCCESS_PROGRESS * walked.commanded), friction
 
     succeeded, friction = run(jax.random.split(jax.random.PRNGKey(seed), count))
     return Successes(np.asarray(succeeded), np.asarray(friction).reshape(count))

@@ -113,7 +113,7 @@ class Imitation:
         figures = jnp.concatenate([losses.mean(axis=(0, 1)), figures.mean(axis=0)])
         return Student(*learner, episodes, key), figures
 
-    def asked(self, state: State, observation: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def teacher_action(self, state: State, observation: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
         """Teacher's actions, (envs, n), and whether the teacher for level ground gives them, (envs, 1)."""
         # The critic's observation begins with the student's and a frame without errors.
         contract, size = self.env.contract, self.teacher.mean.size
@@ -138,13 +138,13 @@ class Imitation:
 
     def _control_step(self, layers: Layers, episodes: Any, key: jax.Array) -> Any:
         state, observation = episodes
-        asked, on_level = self.asked(state, observation)
+        target, on_level = self.teacher_action(state, observation)
         observed = (observation["state"] - self.teacher.mean) / self.teacher.std
         action = mean_action(layers, observed)
         action += self.noise * jax.random.normal(key, action.shape)
         state, observation, step = step_batch(self.env, state, action)
         figures = jnp.stack([step.terminated.mean(), step.metrics["terrain/level"].mean()])
-        return (state, observation), ((observed, asked, on_level), figures)
+        return (state, observation), ((observed, target, on_level), figures)
 
     def _epoch(self, learner: Any, key: jax.Array, samples: Any) -> Any:
         rows = jax.random.permutation(key, self.envs).reshape(BATCHES, -1)
@@ -152,10 +152,10 @@ class Imitation:
         return jax.lax.scan(self._mini_batch, learner, batches)
 
     def _mini_batch(self, learner: Any, batch: tuple[jax.Array, jax.Array, jax.Array]) -> Any:
-        observed, asked, on_level = batch
+        observed, target, on_level = batch
 
         def loss(layers: Layers) -> tuple[jax.Array, jax.Array]:
-            error = (mean_action(layers, observed) - asked) ** 2
+            error = (mean_action(layers, observed) - target) ** 2
             figures = jnp.stack([error.mean(), error.mean(where=on_level)])
             return jnp.mean(jnp.where(on_level, self.level_weight, 1.0) * error), figures
 
@@ -176,7 +176,7 @@ class TwoTeachers(Imitation):
         """Both teachers' networks, and a few additional units."""
         return side_by_side(self.teacher, self.on_level, self.seen, EXTRA_SHARE, key)
 
-    def asked(self, state: State, observation: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    def teacher_action(self, state: State, observation: dict[str, jax.Array]) -> tuple[jax.Array, jax.Array]:
         """Teacher's actions, (envs, n), and whether the teacher for level ground gives them, (envs, 1)."""
         observed = observation["state"]
         on_level = jax.vmap(self._sees_level_ground)(state)[:, None]

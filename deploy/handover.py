@@ -16,7 +16,7 @@ from footfall.common.config import require_between
 from footfall.common.easing import smooth_rise
 from footfall.common.errors import UserError
 from footfall.deploy.changes import Change
-from footfall.deploy.turn import Turn
+from footfall.deploy.timed_policy import TimedPolicy
 from footfall.policies.live_settings import Steerable
 from footfall.policies.policy import Policy, PolicyInput
 
@@ -47,8 +47,8 @@ class Handover:
         """
         self._config = config or HandoverConfig()
         all_policies = [*policies, *([] if get_up is None else [get_up])]
-        self._turns = {policy.name: Turn(policy) for policy in all_policies}
-        if len(self._turns) < len(all_policies):
+        self._timed = {policy.name: TimedPolicy(policy) for policy in all_policies}
+        if len(self._timed) < len(all_policies):
             names = ", ".join(policy.name for policy in all_policies)
             raise UserError(f"policies of a run need different names: {names}")
         self.policies = tuple(policies)
@@ -56,9 +56,9 @@ class Handover:
 
     def begin(self) -> None:
         """Start walking with the first policy."""
-        self.current = self._turns[self.policies[0].name]
+        self.current = self._timed[self.policies[0].name]
         self.current.begin(0)
-        self._next: Turn | None = None  # requested policy
+        self._next: TimedPolicy | None = None  # requested policy
         self._blends_since_us: int | None = None
         self._requested_us = self._moved_us = 0
 
@@ -68,7 +68,7 @@ class Handover:
         return self._next is not None
 
     @property
-    def acting(self) -> tuple[Turn, ...]:
+    def acting(self) -> tuple[TimedPolicy, ...]:
         """Policies that act now: the current one, and the next one during the blend."""
         if self._next is None or self._blends_since_us is None:
             return (self.current,)
@@ -77,17 +77,17 @@ class Handover:
     @property
     def period_us(self) -> float:
         """Time between two policy steps."""
-        return min(turn.period_us for turn in self.acting)
+        return min(timed.period_us for timed in self.acting)
 
     def apply(self, change: Change, now_us: int) -> None:
         """Apply a change. Its names and values have been checked."""
         policy = self.current.policy
         if change.at_once:
-            self.current, self._next, self._blends_since_us = self._turns[change.policy], None, None
+            self.current, self._next, self._blends_since_us = self._timed[change.policy], None, None
             self.current.begin(now_us)
             return
         if change.policy and self._blends_since_us is None:  # a handover that has begun is finished
-            requested = self._turns[change.policy]
+            requested = self._timed[change.policy]
             self._next, self._requested_us = (None if requested is self.current else requested), now_us
         if change.gait and isinstance(policy, Steerable):
             policy.take_up(change.gait)
@@ -113,11 +113,11 @@ class Handover:
             self._blends_since_us = now_us
             self._next.begin(now_us)
         decisions = []
-        for turn in self.acting:
-            if turn.due(now_us):
-                turn.act(now_us, inputs)
-            assert turn.decision is not None
-            decisions.append(turn.decision)
+        for timed in self.acting:
+            if timed.due(now_us):
+                timed.act(now_us, inputs)
+            assert timed.decision is not None
+            decisions.append(timed.decision)
         if self._next is None or self._blends_since_us is None:
             return decisions[0]
         share = (now_us - self._blends_since_us) * 1e-6 / self._config.blend_s
@@ -128,7 +128,7 @@ class Handover:
 
     def stance(self) -> np.ndarray | None:
         """Planned contact of the acting policies, (feet,): minimum for each foot; None if one has no plan."""
-        plans = [turn.policy.stance() for turn in self.acting if turn.decision is not None]
+        plans = [timed.policy.stance() for timed in self.acting if timed.decision is not None]
         if len(plans) == 1:
             return plans[0]
         known = [plan for plan in plans if plan is not None]

@@ -39,7 +39,7 @@ def impossible_pose(robot: Robot, labels: list[str], position: np.ndarray, margi
     )
 
 
-def _turns(position: float, lower: float, upper: float, turn: float, of: str) -> str:
+def _turns(position: float, lower: float, upper: float, turn: float, part: str) -> str:
     """Number of turns that would explain a position outside a range; empty if no integer does."""
     if not math.isfinite(position):
         return ""
@@ -48,4 +48,4 @@ def _turns(position: float, lower: float, upper: float, turn: float, of: str) ->
     )
     if not lower <= position - count * turn <= upper:
         return ""
-    return f": off by {count:+d} turn{'s' * (abs(count) != 1)} {of} ({count * turn:+.2f} rad)?"
+    return f": off by {count:+d} turn{'s' * (abs(count) != 1)} {part} ({count * turn:+.2f} rad)?"

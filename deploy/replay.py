@@ -15,7 +15,7 @@ from footfall.deploy.handover import Handover, HandoverConfig
 from footfall.deploy.last_resort import in_one_line
 from footfall.deploy.log_file import Entry, LogFile, read_log
 from footfall.deploy.log_numbers import unflatten
-from footfall.deploy.turn import WrongSizeError
+from footfall.deploy.timed_policy import WrongSizeError
 from footfall.policies.height_scan import common_height_scan
 from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand

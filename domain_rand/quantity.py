@@ -6,7 +6,7 @@ An effect is the same in training (JAX, MJX models) and on the simulated robot (
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from footfall.robots.kinds import Kind
 from footfall.robots.readings import READINGS
 
 Array = Any
+Direction = Literal["actions", "readings"]  # of frames: to the motors, from the robot
 SCALE, OFFSET = 1.0, 0.0  # nominal values of factors and of summands
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Literal
 
 from footfall.common.config import load, read_yaml, structure, with_changes
 from footfall.common.errors import UserError
@@ -10,6 +9,7 @@ from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.quantity import (
     OFFSET,
     SCALE,
+    Direction,
     Quantity,
     adds_to,
     adds_to_base,
@@ -193,14 +193,12 @@ def declared_quantities(cls: type[Randomisation]) -> dict[str, Quantity]:
 QUANTITIES: dict[str, Quantity] = declared_quantities(Randomisation)
 
 
-def require_delays(
-    randomisation: Randomisation, of: Literal["actions", "readings"], max_delay_s: float
-) -> None:
+def require_delays(randomisation: Randomisation, direction: Direction, max_delay_s: float) -> None:
     """Raise UserError, naming the quantity, if actions or readings may be delayed by more than `max_delay_s`.
 
     Lost frames do not count: the delay until the next frame has no bound.
     """
-    effects = {name: getattr(quantity, of) for name, quantity in QUANTITIES.items()}
+    effects = {name: getattr(quantity, direction) for name, quantity in QUANTITIES.items()}
     drawn = {
         name: getattr(randomisation, name)
         for name, effect in effects.items()

@@ -4,15 +4,15 @@
 simulated robot (NumPy) loses the frame itself.
 """
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from footfall.common.arrays import library
+from footfall.domain_rand.quantity import Direction
 from footfall.domain_rand.sample import Sample, changed
 
 Array = Any  # a NumPy or a JAX array
-Way = Literal["actions", "readings"]
 
 SWING_PERIOD_S = 4.0  # period in which a delay rises by its swing and falls back
 JITTER_PERIOD_S = 0.02  # how long the simulated robot keeps a drawn jitter: a control step at 50 Hz
@@ -33,9 +33,9 @@ class Transport(NamedTuple):
         return any(part is not None for part in (self.jitter_s, self.swing_s, self.lost))
 
 
-def transport_of(sample: Sample, way: Way) -> Transport:
+def transport_of(sample: Sample, direction: Direction) -> Transport:
     """The transport of the sampled robot's actions or readings."""
-    return changed(Transport(), sample, way)
+    return changed(Transport(), sample, direction)
 
 
 def swing_share(time_s: Array | float) -> Array:

@@ -4,8 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from footfall.domain_rand.quantity import Direction
 from footfall.domain_rand.sample import Sample
-from footfall.domain_rand.transport import Way, delay_now_s, transport_of, waiting_s
+from footfall.domain_rand.transport import delay_now_s, transport_of, waiting_s
 from footfall.envs.actuation import KEPT_GOALS
 from footfall.envs.state import State
 from footfall.robots import kinds
@@ -50,9 +51,9 @@ class Lateness:
             return None
         return self._drawn("readings", state, jax.random.fold_in(key, READING), self._frame)
 
-    def _drawn(self, way: Way, state: State, key: jax.Array, frame: np.ndarray) -> jax.Array:
+    def _drawn(self, direction: Direction, state: State, key: jax.Array, frame: np.ndarray) -> jax.Array:
         """Delay of each number, s, (k,); `frame` (k,) is the index of the frame in which it arrives."""
-        transport = transport_of(state.sample, way)
+        transport = transport_of(state.sample, direction)
         jitter, *each = jax.random.uniform(key, (2 + frame.max(),))
         now_s = delay_now_s(transport, state.steps * self._period_s, jitter)
         waiting = 0.0 if transport.lost is None else waiting_s(transport.lost, jnp.stack(each)[frame])

@@ -48,14 +48,16 @@ def with_terms(env: Any) -> Any:
     return new
 
 
-def with_event_steps(saved: Any) -> Any:
+def with_current_state(saved: Any) -> Any:
     """A saved training state, as nested mappings, with the parts that environments have today."""
     if not isinstance(saved, dict):
         return saved
-    whole = {key: with_event_steps(value) for key, value in saved.items()}
+    whole = {key: with_current_state(value) for key, value in saved.items()}
     if "push_steps" in whole:
         whole["event_steps"] = {"push": whole.pop("push_steps")}
         whole["terms"] = {"rewards": {}, "terminations": {}, "critic": {}}
+    if "asked" in whole and "piece" in whole:  # progress on a piece of ground
+        whole["commanded"] = whole.pop("asked")
     return whole
 
 

@@ -99,7 +99,7 @@ class Walked(NamedTuple):
     feet: jax.Array  # (points, 3) m, world, the feet's points after the last physics step
     ahead: jax.Array  # (points, 3) m, the same extrapolated to the middle of the next control step
     along: jax.Array  # () m, path along the commanded direction
-    asked: jax.Array  # () m, commanded path; the name is in checkpoints
+    commanded: jax.Array  # () m, commanded path
     fell: jax.Array  # () 1.0 if a termination term ended the episode
 
 
@@ -143,7 +143,7 @@ class Pieces:
         """The piece of the next episode: a level up, down or the same; past the top, a random level."""
         config, levels = self._config, self._config.levels
         kind, level = walked.piece // levels, walked.piece % levels
-        share, known = walked.along / jnp.maximum(walked.asked, TINY), walked.asked > MIN_PATH_M
+        share, known = walked.along / jnp.maximum(walked.commanded, TINY), walked.commanded > MIN_PATH_M
         fell = walked.fell > 0.0
         level += jnp.int32(known & (share >= config.up_share) & ~fell)
         level -= jnp.int32((known & (share < config.down_share)) | fell)
@@ -163,13 +163,13 @@ class Pieces:
 
     def scored(self, state: State, data: StepData) -> State:
         walked, command = _walked(state), data.command[:2]
-        asked = jnp.linalg.norm(command)
-        along = jnp.sum(command * data.linear_velocity[:2]) / jnp.maximum(asked, TINY)
+        speed = jnp.linalg.norm(command)
+        along = jnp.sum(command * data.linear_velocity[:2]) / jnp.maximum(speed, TINY)
         return _with(
             state,
             walked._replace(
                 along=walked.along + along * self._period_s,
-                asked=walked.asked + asked * self._period_s,
+                commanded=walked.commanded + speed * self._period_s,
                 fell=data.fell,
             ),
         )

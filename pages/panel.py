@@ -107,7 +107,7 @@ class Panel:
         requested, self._restart_requested = self._restart_requested, False
         return requested
 
-    def say(self, markdown: str) -> None:
+    def show_status(self, markdown: str) -> None:
         """Show the status."""
         if self._status.content != markdown:
             self._status.content = markdown

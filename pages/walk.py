@@ -203,7 +203,7 @@ class Walk:
             if snapshot is not None:
                 self._take_over(snapshot)
         status.problem, status.exporting = self._snapshots.problem, self._snapshots.exporting
-        self._panel.say(as_markdown(status))
+        self._panel.show_status(as_markdown(status))
 
     def _take_over(self, snapshot: Snapshot) -> None:
         if self._policy is None:

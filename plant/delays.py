@@ -6,20 +6,21 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from footfall.deploy.frames import Frames
+from footfall.domain_rand.quantity import Direction
 from footfall.domain_rand.sample import Sample
-from footfall.domain_rand.transport import JITTER_PERIOD_S, Way, delay_now_s, transport_of
+from footfall.domain_rand.transport import JITTER_PERIOD_S, delay_now_s, transport_of
 
 T = TypeVar("T")
 
-SEEDS: dict[Way, int] = {"actions": 0xAC7, "readings": 0x2EAD}  # combined with an episode's seed
+SEEDS: dict[Direction, int] = {"actions": 0xAC7, "readings": 0x2EAD}  # combined with an episode's seed
 
 
 class Delay:
     """Delay of commands or of readings, in physics steps."""
 
-    def __init__(self, sample: Sample, way: Way, step_s: float, seed: int) -> None:
-        self._transport, self._step_s = transport_of(sample, way), step_s
-        self._random = np.random.default_rng([seed, SEEDS[way]])
+    def __init__(self, sample: Sample, direction: Direction, step_s: float, seed: int) -> None:
+        self._transport, self._step_s = transport_of(sample, direction), step_s
+        self._random = np.random.default_rng([seed, SEEDS[direction]])
         self._jitter_steps = round(JITTER_PERIOD_S / step_s)  # how long a drawn jitter lasts
         self._jitter, self._until = 0.0, 0
         transport = self._transport
@@ -35,34 +36,34 @@ class Delay:
         return round(float(delay_now_s(self._transport, step * self._step_s, self._jitter)) / self._step_s)
 
 
-class Past(Generic[T]):
-    """The recent true values of sensors, read with the delay of readings."""
+class DelayLine(Generic[T]):
+    """The recent true values of sensors, from which the delayed ones are taken."""
 
     def __init__(self, sample: Sample, step_s: float, seed: int) -> None:
         self._delay = Delay(sample, "readings", step_s, seed)
         self._moments: deque[T] = deque(maxlen=self._delay.longest + 1)
-        self._newest = self._shown = -1  # steps
+        self._newest = self._delayed_step = -1  # steps
 
-    def remember(self, moment: T) -> None:
+    def push(self, moment: T) -> None:
         """Store the current values. Call at each physics step."""
         self._moments.append(moment)
         self._newest += 1
 
-    def seen(self) -> T:
+    def delayed(self) -> T:
         """The values that are reported now, never older than those of the last call."""
         if not self._delay.varies:
             return self._moments[0]
-        self._shown = max(self._shown, self._newest - self._delay.steps(self._newest))
-        return self._moments[max(self._shown - self._newest - 1, -len(self._moments))]
+        self._delayed_step = max(self._delayed_step, self._newest - self._delay.steps(self._newest))
+        return self._moments[max(self._delayed_step - self._newest - 1, -len(self._moments))]
 
 
 class Losses:
     """Loses frames of one direction."""
 
-    def __init__(self, sample: Sample, way: Way, seed: int) -> None:
-        lost = transport_of(sample, way).lost
+    def __init__(self, sample: Sample, direction: Direction, seed: int) -> None:
+        lost = transport_of(sample, direction).lost
         self._share = 0.0 if lost is None else float(lost)
-        self._random = np.random.default_rng([seed, SEEDS[way], 1])
+        self._random = np.random.default_rng([seed, SEEDS[direction], 1])
 
     def pass_on(self, frames: Frames) -> Frames:
         """The frames that arrive."""

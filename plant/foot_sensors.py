@@ -9,7 +9,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.domain_rand.foot_force import measured, randomised_sensors
 from footfall.domain_rand.sample import Sample
-from footfall.plant.delays import Past
+from footfall.plant.delays import DelayLine
 
 SEED = 0xF007  # combined with an episode's seed, so that other draws do not change
 
@@ -23,7 +23,7 @@ class SimulatedFootSensors:
         """`force` returns the normal force on each foot in the last physics step, N, (feet,)."""
         feet = len(wiring.foot_channel)
         self._force, self._sensors = force, randomised_sensors(sample)
-        self._past: Past[np.ndarray] = Past(sample, step_s, seed)
+        self._delay_line: DelayLine[np.ndarray] = DelayLine(sample, step_s, seed)
         self._rng = np.random.default_rng([seed, SEED])
         self._frames = Frames(
             wiring.foot_channel,
@@ -37,11 +37,11 @@ class SimulatedFootSensors:
 
     def remember(self) -> None:
         """Store the current forces, to be read after the observation delay. Call at each physics step."""
-        self._past.remember(self._force())
+        self._delay_line.push(self._force())
 
     def sample(self) -> Frames:
         """The frames of the next sample."""
-        found = measured(self._past.seen(), self._sensors, self._rng.random(len(self.silent)))
+        found = measured(self._delay_line.delayed(), self._sensors, self._rng.random(len(self.silent)))
         if self.distort is not None:
             found = self.distort(found)
         self._counter += 1

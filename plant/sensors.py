@@ -12,7 +12,7 @@ from footfall.deploy.drivers import imu
 from footfall.domain_rand.accelerometer import randomised_accelerometer
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample, sensor_bias
-from footfall.plant.delays import Past
+from footfall.plant.delays import DelayLine
 from footfall.robots.kinds import Parts
 from footfall.robots.readings import READINGS
 
@@ -95,7 +95,7 @@ class SimulatedSensors:
         self._gyro = data.qvel[at : at + 3]
         self._layout, self._n = layout, joints
         self._mean_velocity, self._velocity_before = mean_velocity, self._qvel[layout.qvel].copy()
-        self._past: Past[_Moment] = Past(sample, step_s, seed)
+        self._delay_line: DelayLine[_Moment] = DelayLine(sample, step_s, seed)
         self._noise = None if noise is None else _Noise(noise, joints, seed)
         self._of_motors = list(_errors(MOTORS, sample, noise, joints, operator.add))
         self._of_imu = [each.on_lists() for each in _errors(IMU, sample, noise, joints, _add_lists)]
@@ -114,7 +114,7 @@ class SimulatedSensors:
         joints = np.empty((3, self._n))
         joints[0], joints[1], joints[2] = self._qpos[layout.qpos], self._qvel[layout.qvel], torque
         inertial = self._gyro.tolist(), self._acceleration.tolist(), self._quaternion.tolist()
-        self._past.remember(_Moment(self._as_reported(joints) if self._mean_velocity else joints, inertial))
+        self._delay_line.push(_Moment(self._as_reported(joints) if self._mean_velocity else joints, inertial))
         return joints
 
     def _as_reported(self, joints: np.ndarray) -> np.ndarray:
@@ -129,14 +129,14 @@ class SimulatedSensors:
 
         `encoder_bias` (n,) rad is the motors' own.
         """
-        readings = self._past.seen().joints.copy()
+        readings = self._delay_line.delayed().joints.copy()
         readings[0] += encoder_bias
         self._add_errors(readings, self._of_motors)
         return readings
 
     def inertial(self) -> imu.Inertial:
         """The IMU's reading."""
-        readings = list(self._past.seen().inertial)
+        readings = list(self._delay_line.delayed().inertial)
         self._add_errors(readings, self._of_imu)
         width, bias = self._acceleration_noise, self._acceleration_bias
         if width or any(bias):

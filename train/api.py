@@ -151,19 +151,19 @@ def resume(folder: Path, display: Display | None = None) -> Path:
         display = Display(run.config.ppo.total_steps, console)
     with lock, display:
         if refusal:
-            display.say(refusal)
+            display.report(refusal)
         if _is_finished(run):
-            display.say(f"{folder} is finished: its policy is {run.policy}")
+            display.report(f"{folder} is finished: its policy is {run.policy}")
         else:
             try:
                 _train_to_the_end(run, robot, display)
             except KeyboardInterrupt:
-                display.say(_progress_message(run))
+                display.report(_progress_message(run))
                 raise
     return run.folder
 
 
-def diagnose(folder: Path, say: Callable[[str], None]) -> Diagnosis:
+def diagnose(folder: Path, report: Callable[[str], None]) -> Diagnosis:
     """Replay a failed training from its last good checkpoint to the first value that is not finite.
 
     On the machine and with the versions that failed, the replay computes the same bits. Elsewhere it is
@@ -171,28 +171,28 @@ def diagnose(folder: Path, say: Callable[[str], None]) -> Diagnosis:
 
     Args:
         folder: the run folder.
-        say: shows one line to the user.
+        report: shows one line to the user.
 
     Raises:
         UserError: the run has not failed, its trainer cannot replay it, its robot has changed, or the device
             fails.
     """
-    report = folder / FOLDER / REPORT
-    if not report.is_file():
+    file = folder / FOLDER / REPORT
+    if not file.is_file():
         raise UserError(f"{folder} holds no failed training: there is no {FOLDER}/{REPORT}")
-    failure = read_failure(report)
+    failure = read_failure(file)
     trainer = find_trainer(failure.provenance.trainer)
     if not trainer.can_diagnose:
         raise UserError(
             f"{folder} was trained by {failure.provenance.trainer}, whose runs cannot be replayed"
         )
     if refusal := use_compilation_cache():
-        say(refusal)
+        report(refusal)
     run = Run(folder, failure.provenance, failure.config)
     robot = trained_robot(failure.provenance)
     cluster.devices()  # reports in one line that there is no device
     with device_failures(run, trainer.device_errors, verb="diagnose"):
-        return trainer.diagnose(failure, run, robot, say)
+        return trainer.diagnose(failure, run, robot, report)
 
 
 def export_run(
@@ -224,27 +224,27 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
     began = time.monotonic()
     name, devices = run.provenance.trainer, cluster.devices()
     kind, where = find_trainer(name), devices[0].device_kind
-    display.say(f"training {robot.name} with {name} on {where}, into {run.folder}")
+    display.report(f"training {robot.name} with {name} on {where}, into {run.folder}")
     for change in _changes(run.provenance, where):
-        display.say(f"the run began on {change}: results are statistically equal, not bit for bit")
+        display.report(f"the run began on {change}: results are statistically equal, not bit for bit")
     if len(devices[: kind.max_devices]) < len(devices):
-        display.say(f"{name} trains on {kind.max_devices} of {len(devices)} devices: the others are idle")
+        display.report(f"{name} trains on {kind.max_devices} of {len(devices)} devices: the others are idle")
     with device_failures(run, kind.device_errors):
         trainer = kind(run, robot)
         with cluster.all_or_none():
             newest = _newest_checkpoint(run)
             if newest is not None:
-                display.say(f"resuming from {newest.name}")
+                display.report(f"resuming from {newest.name}")
                 trainer.restore(newest)
             display.doing("compiling")
-            trainer.prepare(display.say)
+            trainer.prepare(display.report)
             if newest is None and run.start is not None:
                 _start_from(run, trainer, display)
-        display.say(f"ready after {time.monotonic() - began:.1f} s")
+        display.report(f"ready after {time.monotonic() - began:.1f} s")
         learn(run, trainer, display)
         with cluster.all_or_none():
             difference = trainer.export(run.policy)
-    display.say(
+    display.report(
         f"exported {run.policy} after {time.monotonic() - began:.1f} s;"
         f" ONNX Runtime and the trainer differ by at most {difference:.1e}"
     )
@@ -255,11 +255,11 @@ def _start_from(run: Run, trainer: Trainer, display: Display) -> None:
     origin, start = run.provenance.started_from, run.start
     assert origin is not None
     assert start is not None
-    display.say(f"starting from {origin.file}")
+    display.report(f"starting from {origin.file}")
     for line in trainer.start_from(start):
-        display.say(line)
+        display.report(line)
     if origin.changed:
-        display.say(f"new since the networks were trained: {', '.join(origin.changed)}")
+        display.report(f"new since the networks were trained: {', '.join(origin.changed)}")
 
 
 def _changes(began: Provenance, device: str) -> list[str]:

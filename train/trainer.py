@@ -62,11 +62,11 @@ class Trainer(Protocol):
         """
         raise NotImplementedError
 
-    def prepare(self, say: Callable[[str], None]) -> None:
+    def prepare(self, report: Callable[[str], None]) -> None:
         """Compile, and start from the restored state, or from the run's seed if there is none.
 
         Args:
-            say: shows one line to the user.
+            report: shows one line to the user.
 
         Raises:
             UserError: the settings do not fit the devices.
@@ -96,13 +96,13 @@ class Trainer(Protocol):
         return None
 
     @classmethod
-    def diagnose(cls, failure: Failure, run: Run, robot: Robot, say: Callable[[str], None]) -> Diagnosis:
+    def diagnose(cls, failure: Failure, run: Run, robot: Robot, report: Callable[[str], None]) -> Diagnosis:
         """Compute a failed iteration again, step by step, to the first value that is not finite.
 
         Args:
             failure: the report of the failed run.
             run: its folder and settings.
             robot: its robot.
-            say: shows one line to the user.
+            report: shows one line to the user.
         """
         raise NotImplementedError

@@ -44,7 +44,7 @@ def put(quaternion: tuple[float, float, float, float]) -> Injection:
 TILT = "noticed by its tilt"
 WEAK = "less torque than reported looks like a heavier robot to all sensors; a fall is noticed by its tilt"
 SAG = "motors that do not report their voltage are slower and weaker, as if the robot were heavier"
-LIMP = "a motor may report no torque for `limp_s`, because it may be late; checked in windows of 40 ms"
+LIMP = "a motor may report no torque for `no_torque_s`, because it may be late; checked in windows of 40 ms"
 OTHER_WAY = "the torque of a delayed motor has the wrong sign for moments: only the average counts"
 BODY = (
     FaultKind(

@@ -49,11 +49,11 @@ def steer(peer: Peer) -> None:
     peer.drive(publisher, velocity(0.3), 4.0)
     after = peer.latest("/odom")
     old, new = before.pose.pose.position, after.pose.pose.position
-    way_m, passed_s = math.hypot(new.x - old.x, new.y - old.y), stamp_s(after) - stamp_s(before)
+    distance_m, passed_s = math.hypot(new.x - old.x, new.y - old.y), stamp_s(after) - stamp_s(before)
     found(
         "cmd_vel of 0.3 m/s: mean speed, m/s (a hexapod is slower)",
-        0.05 < way_m / passed_s < 0.4,
-        round(way_m / passed_s, 3),
+        0.05 < distance_m / passed_s < 0.4,
+        round(distance_m / passed_s, 3),
     )
     speeds = [m.twist.twist.linear.x for at_s, m in peer.received["/odom"] if at_s > time.monotonic() - 2.0]
     found(

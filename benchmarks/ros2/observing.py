@@ -46,8 +46,8 @@ def look_at_graph(peer: Peer, table: dict[str, Any]) -> None:
     peer.until(lambda: "footfall" in node.get_node_names(), 2.0)
     names = node.get_node_names()
     found("node list (without rclpy there is no node)", not table["services"] or "footfall" in names, names)
-    asked = {topic for topic, _, _ in table["published"]}
-    peer.until(lambda: asked <= set(dict(node.get_topic_names_and_types())), 10.0)
+    expected = {topic for topic, _, _ in table["published"]}
+    peer.until(lambda: expected <= set(dict(node.get_topic_names_and_types())), 10.0)
     types = dict(node.get_topic_names_and_types())
     wrong = [t for t, kind, _ in table["published"] if kind not in types.get(t, [])]
     found("topics and their types", not wrong, wrong or f"{len(table['published'])} topics")

@@ -22,9 +22,9 @@ class MixedDriver:
         self.answers_each_frame = all(getattr(driver, "answers_each_frame", False) for driver, _ in parts)
         self.exchange_bits = self._by_joint((), lambda driver: driver.exchange_bits)
 
-    def _by_joint(self, rows: tuple[int, ...], of: Callable[[Driver], np.ndarray]) -> np.ndarray:
+    def _by_joint(self, rows: tuple[int, ...], read: Callable[[Driver], np.ndarray]) -> np.ndarray:
         """Values of all drivers by joint, (*rows, n)."""
-        values = [of(driver) for driver, _ in self._parts]
+        values = [read(driver) for driver, _ in self._parts]
         whole = np.zeros((*rows, self._n), values[0].dtype)
         for part, (_, joints) in zip(values, self._parts, strict=True):
             whole[..., joints] = part

@@ -31,7 +31,7 @@ class ContactEstimator:
         self._error = np.full(legs.count, even_force)  # N, mean error of each sensor; unusable at first
 
     @property
-    def believed(self) -> np.ndarray:
+    def trusted(self) -> np.ndarray:
         """Force sensors in use, (legs,) bool; all False without sensors."""
         return self._error < self._config.sensor_error_share * self._even_force
 
@@ -92,5 +92,5 @@ class ContactEstimator:
         error[np.isnan(expected)] = 0.0
         share = 1.0 - math.exp(-dt_s / self._config.sensor_filter_s)
         self._error += share * (error.clip(max=2.0 * self._even_force) - self._error)
-        use = (self.believed | np.isnan(expected)) & ~np.isnan(measured)
+        use = (self.trusted | np.isnan(expected)) & ~np.isnan(measured)
         return np.nan_to_num(np.where(use, measured, expected))

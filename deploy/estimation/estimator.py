@@ -8,12 +8,12 @@ from footfall.common.rotations import heading_matrix, multiply, rotation_matrix,
 from footfall.deploy.estimation.attitude import Attitude, advanced, began_as, leveled
 from footfall.deploy.estimation.config import EstimatorConfig
 from footfall.deploy.estimation.contact import ContactEstimator
-from footfall.deploy.estimation.doubts import Doubts
 from footfall.deploy.estimation.feet import ContactPoints
 from footfall.deploy.estimation.filter import MotionFilter
 from footfall.deploy.estimation.gyro import GyroBias
 from footfall.deploy.estimation.height import StanceHeight
 from footfall.deploy.estimation.odometry import POSITION, VELOCITY, Drift, Lateness, Odometry
+from footfall.deploy.estimation.sensor_notes import SensorNotes
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
 from footfall.robots.model import imu_position
@@ -33,7 +33,7 @@ class BaseEstimator:
         self._legs = robot.legs
         self._imu = imu_position(robot)
         self._points = ContactPoints(self._legs, self._config.contact.level_m)
-        self._doubts = Doubts(robot, self._config.contact.sensor_trial_s)
+        self._sensor_notes = SensorNotes(robot, self._config.contact.sensor_trial_s)
         self._height = StanceHeight(self._legs.foot_radius, self._config.odometry.height_filter_s)
         self._contact = ContactEstimator(self._legs, nominal_body(robot), self._config.contact)
         self._gyro = GyroBias(self._config.gyro)
@@ -44,7 +44,7 @@ class BaseEstimator:
     @property
     def notes(self) -> list[str]:
         """Notes on force sensors that are not used, without repetition."""
-        return self._doubts.notes
+        return self._sensor_notes.notes
 
     def reset(self, sensed: Sensed) -> None:
         """Start at rest, with all feet in contact and a pose of zero."""
@@ -58,7 +58,7 @@ class BaseEstimator:
             self._attitude = began_as(sensed.quaternion.tolist(), sensed.gyro.tolist(), self._config.attitude)
         self._take(sensed)
         self._height.reset(self._position, self._up)
-        self._doubts.reset()
+        self._sensor_notes.reset()
         self.start()
 
     def start(self) -> None:
@@ -98,7 +98,7 @@ class BaseEstimator:
         rates = self._legs.gather(sensed.joint_velocity)
         contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
         if len(sensed.foot_force):
-            self._doubts.update(~self._contact.believed, dt_s)
+            self._sensor_notes.update(~self._contact.trusted, dt_s)
         # Velocity of the contact points relative to the IMU, body frame.
         passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._position.dot(across)
         self.motion.predict(sensed.acceleration.tolist(), rows, dt_s)

@@ -26,9 +26,9 @@ class ImuLimits(Memory):
     resting_rad_s: float = 0.3  # below it, for `resting_s`, a joint or the base is at rest
     resting_s: float = 0.3
     rest_error: float = 0.15  # of gravity: acceleration at rest minus the quaternion's gravity
-    lean_error: float = 0.45  # of gravity: mean lateral error in motion; a slide from 6 m/s has 0.4
-    long_lean_error: float = 0.12  # of gravity: mean lateral error over `long_lean_memory_s`
-    long_lean_memory_s: float = 3.0
+    lateral_error: float = 0.45  # of gravity: mean lateral error in motion; a slide from 6 m/s has 0.4
+    long_lateral_error: float = 0.12  # of gravity: mean lateral error over `long_lateral_memory_s`
+    long_lateral_memory_s: float = 3.0
     lift_error: float = 0.6  # of gravity: upward; a robot that is thrown or falls over has less
     lean_memory_s: float = 1.0  # averaging time, over which a walk's accelerations cancel out
 
@@ -36,10 +36,10 @@ class ImuLimits(Memory):
         super().__post_init__()
         require_between(self, 0.001, 2 * np.pi, "rotation_rad", "turned_rad")
         require_between(
-            self, 0.01, 10.0, "imu_repeated_s", "resting_s", "lean_memory_s", "long_lean_memory_s"
+            self, 0.01, 10.0, "imu_repeated_s", "resting_s", "lean_memory_s", "long_lateral_memory_s"
         )
         require_between(self, 0.01, 100.0, "moving_rad_s", "resting_rad_s")
-        require_between(self, 0.01, 2.0, "rest_error", "lean_error", "long_lean_error", "lift_error")
+        require_between(self, 0.01, 2.0, "rest_error", "lateral_error", "long_lateral_error", "lift_error")
 
 
 class Rotation(BodyCheck):
@@ -179,7 +179,7 @@ class _MeanAcceleration(BodyCheck):
         return self._mean
 
 
-class Lean(_MeanAcceleration):
+class LateralError(_MeanAcceleration):
     """Mean lateral acceleration.
 
     A window counts with at most gravity, because no attitude error causes more. A robot that hits the ground
@@ -188,7 +188,7 @@ class Lean(_MeanAcceleration):
 
     quantity = "mean horizontal acceleration in motion against the quaternion's gravity"
     message = "the IMU: its acceleration leans away from its quaternion's gravity by {0:.0%}"
-    limit = Limit("lean_error")
+    limit = Limit("lateral_error")
 
     def measure(self, window: BodyWindow) -> float:
         ahead, left, up = window.acceleration
@@ -201,19 +201,19 @@ class Lean(_MeanAcceleration):
         return 1.0
 
 
-class LongLean(Lean):
+class LongLateralError(LateralError):
     """Mean lateral acceleration over seconds, in which a robot's own accelerations cancel out.
 
     A window counts with at most twice the limit. A robot that was pushed hard slides until friction stops it,
     and an accelerometer may miss the push, which is short and beyond its range.
     """
 
-    memory = "long_lean_memory_s"
+    memory = "long_lateral_memory_s"
     quantity = "the same over seconds: an attitude that drifts slowly, with a gyro that agrees"
-    limit = Limit("long_lean_error")
+    limit = Limit("long_lateral_error")
 
     def _most(self) -> float:
-        return 2.0 * self._limits.long_lean_error
+        return 2.0 * self._limits.long_lateral_error
 
 
 class Lift(_MeanAcceleration):

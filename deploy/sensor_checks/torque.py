@@ -21,7 +21,7 @@ from footfall.robots.targets import within
 class TorqueLimits(Memory):
     """Limits of the disagreement between reported and commanded torques."""
 
-    limp_s: float = 0.1  # with much commanded but little reported torque; longer if it is smaller
+    no_torque_s: float = 0.1  # with much commanded but little reported torque; longer if it is smaller
     opposing: float = 0.3  # mean share of the expected torque that is reported in the other direction
     lag_s: float = 0.03  # delay of a reading and a command together: age of the inputs of the expected torque
     reading_rad: float = 0.002  # error of a position: noise, and rounding in frames
@@ -35,7 +35,7 @@ class TorqueLimits(Memory):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_between(self, 0.01, 10.0, "limp_s")
+        require_between(self, 0.01, 10.0, "no_torque_s")
         require_between(self, 0.0, 1.0, "opposing")
         require_between(self, 0.0, 0.1, "lag_s", "reading_rad")
         require_between(self, 0.1, 1.0, "torque_full")
@@ -54,12 +54,12 @@ def _certain(window: JointWindow, limits: TorqueLimits) -> np.ndarray:
     return np.maximum(np.abs(window.expected) - doubt, 0.0)
 
 
-class Limp(JointCheck):
+class NoTorque(JointCheck):
     """Time for which a motor has reported no torque while much was expected, s. Any report resets it."""
 
     quantity = "time for which a motor reports no torque while a large one is commanded: a reboot"
     message = "the motor has reported no torque for {0:.2f} s while torque was commanded"
-    limit = Limit("limp_s")
+    limit = Limit("no_torque_s")
 
     def __init__(self, robot: Robot, limits: TorqueLimits, sample_s: float) -> None:
         peak = robot.motor.peak_torque
@@ -69,12 +69,14 @@ class Limp(JointCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._limp_s = np.zeros(self._n)
+        self._no_torque_s = np.zeros(self._n)
 
     def measure(self, window: JointWindow) -> np.ndarray:
         expected = within((_certain(window, self._limits) - self._hidden) / self._span, 0.0, 1.0)
-        self._limp_s = (window.strongest <= self._little) * (self._limp_s + window.elapsed_s * expected)
-        return self._limp_s
+        self._no_torque_s = (window.strongest <= self._little) * (
+            self._no_torque_s + window.elapsed_s * expected
+        )
+        return self._no_torque_s
 
 
 class Opposing(JointCheck):

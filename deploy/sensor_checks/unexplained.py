@@ -26,13 +26,13 @@ class UnexplainedLimits:
     unexplained_memory_s: float = 1.0  # time constant of that mean
     explained_s: float = 0.05  # largest age of a command that explains a report
     strength_share: float = 0.55  # of its torque that a motor may lack: a robot walks with half
-    ignored: float = 0.9  # share of the commands' changes that a motor does not follow, over `ignored_s`
-    ignored_s: float = 0.6  # longer than a gait's step, after which commands may repeat
+    commands_ignored: float = 0.9  # share of the commands' changes that a motor does not follow
+    commands_ignored_s: float = 0.6  # time for that share: above a gait's step, as commands may repeat
 
     def __post_init__(self) -> None:
         require_between(self, 0.001, 10.0, "unexplained")
-        require_between(self, 0.01, 60.0, "unexplained_memory_s", "explained_s", "ignored_s")
-        require_between(self, 0.0, 1.0, "strength_share", "ignored")
+        require_between(self, 0.01, 60.0, "unexplained_memory_s", "explained_s", "commands_ignored_s")
+        require_between(self, 0.0, 1.0, "strength_share", "commands_ignored")
 
 
 class Limits(UnexplainedLimits, TorqueLimits):
@@ -83,8 +83,8 @@ class Unexplained(JointCheck):
         return self._value
 
 
-class Ignored(JointCheck):
-    """Share of the changes of a motor's commands that its torque does not follow, over `ignored_s`.
+class CommandsIgnored(JointCheck):
+    """Share of the changes of a motor's commands that its torque does not follow, over `commands_ignored_s`.
 
     Torque is kp (q* - q) + kd (v* - v) + feed-forward. With kp q + kd v added, the torque of a motor that
     executes one old command is constant, however small it is, while the commanded value changes. The gains
@@ -98,7 +98,7 @@ class Ignored(JointCheck):
 
     quantity = "share of the command changes that a motor's torque does not follow: it holds an old command"
     message = "its torque does not follow its commands: it ignores {0:.0%} of their changes"
-    limit = Limit("ignored")
+    limit = Limit("commands_ignored")
 
     def __init__(self, robot: Robot, limits: Limits, sample_s: float) -> None:
         self._limits, self._least = limits, limits.torque_little * robot.motor.peak_torque
@@ -111,7 +111,7 @@ class Ignored(JointCheck):
 
     def measure(self, window: JointWindow) -> np.ndarray:
         late = math.ceil(self._limits.explained_s / window.elapsed_s)  # windows by which a report may lag
-        count = math.ceil(self._limits.ignored_s / window.elapsed_s)
+        count = math.ceil(self._limits.commands_ignored_s / window.elapsed_s)
         self._windows.append(np.vstack((window.mean, window.commanded_mean, window.gains)))
         while len(self._windows) > count + late:
             self._windows.popleft()
@@ -124,8 +124,8 @@ class Ignored(JointCheck):
         shown = (torque + readings).std(axis=1)
         changed = _changed((commanded + readings)[:, :count])
         at_mean = commanded + kp * (position - position.mean(axis=0)) + kd * velocity
-        ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._least)).max(axis=0)
-        return np.where(_changed(at_mean[None, :count])[0] > self._least, ignored, 0.0)
+        commands_ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._least)).max(axis=0)
+        return np.where(_changed(at_mean[None, :count])[0] > self._least, commands_ignored, 0.0)
 
 
 def _changed(values: np.ndarray) -> np.ndarray:

@@ -70,7 +70,10 @@ def prefetch(*programs: tuple[Any, ...]) -> None:
 
 
 def load_or_compile(
-    lower: Callable[[], jax.stages.Lowered], executor: Executor, say: Callable[[str], None], *made_from: Any
+    lower: Callable[[], jax.stages.Lowered],
+    executor: Executor,
+    report: Callable[[str], None],
+    *made_from: Any,
 ) -> Future[jax.stages.Compiled]:
     """The program from the cache, or compiled now.
 
@@ -81,14 +84,14 @@ def load_or_compile(
     Args:
         lower: traces it, in this thread: `fewer_kernels` replaces functions for every thread.
         executor: compiles it.
-        say: shows one line if other users may have written the file.
+        report: shows one line if other users may have written the file.
         made_from: all that the program depends on besides source, libraries, device and JAX's settings;
             compared by `repr`, or as bytes.
     """
     fetched = _fetched.pop(fingerprint(made_from), None)
     found = fetched.result() if fetched else _look_up(made_from, _source(), _installed())
     if found.refusal:
-        say(f"{found.refusal}: its compiled programs are not used, compiling again")
+        report(f"{found.refusal}: its compiled programs are not used, compiling again")
     if found.program is None:
         return executor.submit(_compile, lower(), found.path)
     there: Future[jax.stages.Compiled] = Future()

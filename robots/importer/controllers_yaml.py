@@ -195,25 +195,25 @@ def _gait(section: dict[str, Any]) -> str | None:
     return gait.get("name") if isinstance(gait, dict) else None
 
 
-def _scaled(value: Any, key: str, of: Size, to: Size) -> Any:
+def _scaled(value: Any, key: str, source: Size, target: Size) -> Any:
     """A copy of a setting, recursively, with numbers scaled from one robot's size to another's."""
     if isinstance(value, dict):
-        return {name: _scaled(each, f"{key}.{name}", of, to) for name, each in value.items()}
+        return {name: _scaled(each, f"{key}.{name}", source, target) for name, each in value.items()}
     if isinstance(value, list):
-        return [_scaled(each, key, of, to) for each in value]
+        return [_scaled(each, key, source, target) for each in value]
     if not isinstance(value, float):
         return value
-    return _rounded(value * _factor(key, of, to))
+    return _rounded(value * _factor(key, source, target))
 
 
-def _factor(key: str, of: Size, to: Size) -> float:
+def _factor(key: str, source: Size, target: Size) -> float:
     """Ratio of a setting's value on the other robot."""
     measured = MEASURED.get(key.rpartition(".")[2])
     if measured is not None:
-        return float(getattr(to, measured) / getattr(of, measured))
-    length = to.height_m / of.height_m
+        return float(getattr(target, measured) / getattr(source, measured))
+    length = target.height_m / source.height_m
     kg, m, s = _unit(key)
-    return float((to.mass_kg / of.mass_kg) ** kg * length ** (m + s / 2))
+    return float((target.mass_kg / source.mass_kg) ** kg * length ** (m + s / 2))
 
 
 def _unit(key: str) -> Unit:

@@ -8,14 +8,20 @@ import pytest
 from odometry_plot import STEP_M, drift_over_distance, plot
 
 
-def walk(way_m: float, error_m: float, **more: Any) -> dict[str, Any]:
+def walk(distance_m: float, error_m: float, **more: Any) -> dict[str, Any]:
     """A walk straight ahead, sampled three times, with an error to the left relative to the distance."""
     rows = [
         {"true": [x, 0.0, 0.3], "estimated": [x, y, 0.3], "error": [0.0, y, 0.1, 0.0, 0.0, 0.0]}
-        for x, y in zip(np.linspace(0.0, way_m, 3), np.linspace(0.0, error_m, 3), strict=True)
+        for x, y in zip(np.linspace(0.0, distance_m, 3), np.linspace(0.0, error_m, 3), strict=True)
     ]
     named = {"robot": "go1", "policy": "trot", "path": "rectangle", "plant": "randomised", "fell": False}
-    return {**named, "way_m": way_m, "drift_percent": 100.0 * error_m / way_m, "rows": rows, **more}
+    return {
+        **named,
+        "distance_m": distance_m,
+        "drift_percent": 100.0 * error_m / distance_m,
+        "rows": rows,
+        **more,
+    }
 
 
 def test_errors_are_compared_after_the_same_distance() -> None:

@@ -19,9 +19,10 @@ def test_files_and_specs_with_old_keys_still_load(go1: Robot, tmp_path: Path) ->
         settings = load_settings(spec, go1)
         assert settings.contact.max_force_n == 150.0
         assert (settings.slope.max_gradient, settings.slope.deadband) == (0.4, 0.1)
-    file.write_text("safety: {recovery: {asked: true}, battery: {least_share: 0.7}}")
+    file.write_text("safety: {recovery: {asked: true}, battery: {least_share: 0.7}, sensors: {limp_s: 0.2}}")
     safety = deploy_config(go1, file).safety
     assert (safety.recovery.on_request, safety.battery.min_share) == (True, 0.7)
+    assert safety.sensors.no_torque_s == 0.2
     file.write_text("{most: 2.0, back_to: 0.5}")
     assert load(file, GainConfig) == GainConfig(max_gain=2.0, backoff=0.5)
 

@@ -60,15 +60,15 @@ class TestContact:
         sensed = self.SENSED._replace(foot_force=self.EVEN * np.array([0.0, 0.3, np.nan, -9.0]))
         contact = self.begun(ROBOT, sensed)
         np.testing.assert_allclose(self.after(ROBOT, contact, sensed, 1000), 1.0, atol=0.01)
-        assert not contact.believed.any()
+        assert not contact.trusted.any()
 
     def test_a_sensor_that_falls_silent_has_to_prove_itself_again(self) -> None:
         sensed = self.SENSED._replace(foot_force=np.full(4, 0.8 * self.EVEN))
         contact = self.begun(ROBOT, sensed)
         self.after(ROBOT, contact, sensed, 1000)
-        assert contact.believed.all()
+        assert contact.trusted.all()
         self.after(ROBOT, contact, sensed._replace(foot_force=np.full(4, np.nan)), 200)
-        assert not contact.believed.any()
+        assert not contact.trusted.any()
 
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
     @pytest.mark.parametrize(("share", "trust"), [(0.15, 0.0), (0.5, 0.5), (0.8, 1.0), (1.5, 1.0)])

@@ -23,7 +23,7 @@ from footfall.robots.description import Robot
 def test_a_policy_sees_the_readings_of_the_frames(go1: Robot) -> None:
     policy = Hold(go1)
     names = ("rotation_rad", "drift_rad", "wander_rad", "creep_rad", "stuck_rad")
-    unmoved = SensorLimits(**dict.fromkeys(names, 3.0), lean_error=2.0, unexplained=10.0)  # readings jump
+    unmoved = SensorLimits(**dict.fromkeys(names, 3.0), lateral_error=2.0, unexplained=10.0)  # readings jump
     source = lambda t: np.array([t, 2 * t, 3 * t])  # noqa: E731
     loop, body = loop_of(go1, policy, command_source=source, safety=SafetyConfig(sensors=unmoved))
     until(loop, Mode.WALKING)

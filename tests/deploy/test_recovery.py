@@ -29,7 +29,7 @@ from footfall.robots.description import Robot
 QUICK = RecoveryConfig(tries=2, try_s=0.5, unfold_s=0.0, wait_s=2.0, rest_s=0.1, stand_s=0.1)
 # The fake robot turns at once: its gyro and its acceleration do not follow.
 NO_IMU_CHECKS = SensorLimits(
-    rotation_rad=6.0, rest_error=2.0, lean_error=2.0, long_lean_error=2.0, lift_error=2.0
+    rotation_rad=6.0, rest_error=2.0, lateral_error=2.0, long_lateral_error=2.0, lift_error=2.0
 )
 SAFETY = SafetyConfig(damping_s=0.1, recovery=QUICK, sensors=NO_IMU_CHECKS)
 ON_ITS_SIDE, UPRIGHT = (math.cos(0.7), math.sin(0.7), 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)

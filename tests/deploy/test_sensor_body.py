@@ -18,7 +18,7 @@ from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.sensor_checks.imu import (
     AccelerationRepeated,
     GyroRepeated,
-    Lean,
+    LateralError,
     Lift,
     QuaternionRepeated,
     RestError,
@@ -83,7 +83,7 @@ class TestGravity:
         reading = Inertial((0.0,) * 3, tuple(acceleration), tuple(quaternion))
         world = ScipyRotation.from_quat(quaternion, scalar_first=True).apply(acceleration)
         kept = math.exp(-0.04)
-        lean, lift = (BodyWindows(go1, check).update(reading) for check in (Lean, Lift))
+        lean, lift = (BodyWindows(go1, check).update(reading) for check in (LateralError, Lift))
         assert lean == pytest.approx((1 - kept) * math.hypot(world[0], world[1]) / 9.81)
         assert lift == pytest.approx((1 - kept) * abs(world[2] / 9.81 - 1.0))
 

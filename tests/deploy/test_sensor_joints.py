@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from sensor_readings import LIMITS, SAMPLE_US, JointReadings, Reading, measured, swing
 
-from footfall.deploy.sensor_checks.torque import Limp, Opposing, ReplyRepeated, TorqueStuck
+from footfall.deploy.sensor_checks.torque import NoTorque, Opposing, ReplyRepeated, TorqueStuck
 from footfall.deploy.sensor_checks.travel import Drift, Stuck, Wander
 from footfall.robots.description import Robot
 
@@ -193,14 +193,14 @@ class TestOpposing:
 
 
 @pytest.mark.parametrize(
-    ("reported", "expected", "limp_s"),
+    ("reported", "expected", "no_torque_s"),
     [(0.01, 0.5, 0.2), (0.01, 0.045, 0.1), (0.03, 0.5, 0.0), (0.0, 0.03, 0.0)],
 )
-def test_the_time_of_a_limp_motor(go1: Robot, reported: float, expected: float, limp_s: float) -> None:
+def test_the_time_of_a_limp_motor(go1: Robot, reported: float, expected: float, no_torque_s: float) -> None:
     """Torques are shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
     peak = float(go1.motor.peak_torque[0])
-    found = measured(go1, Limp, torque=lambda _: (reported * peak, expected * peak), samples=50)
-    assert found[0] == pytest.approx(limp_s, abs=1e-12)
+    found = measured(go1, NoTorque, torque=lambda _: (reported * peak, expected * peak), samples=50)
+    assert found[0] == pytest.approx(no_torque_s, abs=1e-12)
 
 
 class TestReplyRepeated:

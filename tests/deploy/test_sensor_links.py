@@ -11,7 +11,7 @@ from footfall.deploy.sensor_checks import links
 from footfall.deploy.sensor_checks.link_window import LinkSums
 from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.deploy.sensor_checks.travel import Creep
-from footfall.deploy.sensor_checks.unexplained import Ignored, Unexplained
+from footfall.deploy.sensor_checks.unexplained import CommandsIgnored, Unexplained
 from footfall.robots.description import Robot
 
 TICKS = 20  # in a window of 40 ms
@@ -170,7 +170,7 @@ class TestIgnored:
         stiffness: Callable[[float], float] = lambda _: 20.0,
     ) -> float:
         """The check's value after 1.2 s of a motor that pulls to this target with 20 N m/rad."""
-        readings, sent, joints = JointReadings(go1, Ignored), np.zeros((5, 12)), np.zeros((3, 12))
+        readings, sent, joints = JointReadings(go1, CommandsIgnored), np.zeros((5, 12)), np.zeros((3, 12))
         sent[2], sent[3] = 20.0, 0.5
         readings.begin(0, np.zeros(12, np.int64), joints)
         for k in range(1, 301):
@@ -198,7 +198,7 @@ class TestIgnored:
 
     def test_noise_of_a_still_joint_is_no_command(self, go1: Robot) -> None:
         """A controller holds the joint stiffly, and then limply."""
-        readings, sent, rng = JointReadings(go1, Ignored), np.zeros((5, 12)), np.random.default_rng(0)
+        readings, sent, rng = JointReadings(go1, CommandsIgnored), np.zeros((5, 12)), np.random.default_rng(0)
         readings.begin(0, np.zeros(12, np.int64), np.zeros((3, 12)))
         values = []
         for k in range(1, 301):

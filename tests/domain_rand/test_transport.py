@@ -19,7 +19,7 @@ from footfall.domain_rand.transport import (
     waiting_s,
 )
 from footfall.envs.lateness import Lateness
-from footfall.plant.delays import Delay, Losses, Past
+from footfall.plant.delays import Delay, DelayLine, Losses
 
 STEP_S, PERIOD_S, N = 0.001, 0.02, 12
 MIDDLE, READINGS = 6, 6 + 2 * N  # numbers of the IMU's readings, of all
@@ -118,11 +118,11 @@ class TestPlant:
         assert jitter.reshape(-1, 20).mean(axis=1).std() == pytest.approx(10.0 / 12**0.5, rel=0.15)
 
     def test_readings_never_go_back_in_time(self) -> None:
-        past: Past[int] = Past({"observation_jitter_s": np.array(0.015)}, STEP_S, seed=2)
+        delay_line: DelayLine[int] = DelayLine({"observation_jitter_s": np.array(0.015)}, STEP_S, seed=2)
         seen = []
         for step in range(400):
-            past.remember(step)
-            seen.append(past.seen())
+            delay_line.push(step)
+            seen.append(delay_line.delayed())
         late = np.arange(400) - np.array(seen)
         assert (np.diff(seen) >= 0).all()
         assert late.min() <= 1

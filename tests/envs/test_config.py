@@ -10,7 +10,7 @@ from footfall.common.config import merged
 from footfall.domain_rand.distributions import Distribution
 from footfall.envs.config import CommandConfig, EventConfig, GaitConfig, ObservationConfig, with_lists
 from footfall.envs.contract import make_contract
-from footfall.envs.old_settings import with_event_steps, with_terms
+from footfall.envs.old_settings import with_current_state, with_terms
 from footfall.robots.commands import CommandRange
 
 CONFIG = replace(SMOKE, control_rate_hz=40.0)
@@ -110,8 +110,9 @@ def test_a_robots_changes_in_the_old_form_reach_the_terms_of_a_preset() -> None:
 def test_an_older_checkpoint_has_the_parts_of_todays_state() -> None:
     terms: dict[str, object] = {"rewards": {}, "terminations": {}, "critic": {}}
     today = {"env": {"steps": 3, "event_steps": {"push": 5}, "terms": terms}}
-    assert with_event_steps({"env": {"steps": 3, "push_steps": 5}}) == today
-    assert with_event_steps(today) == today
+    assert with_current_state({"env": {"steps": 3, "push_steps": 5}}) == today
+    assert with_current_state(today) == today
+    assert with_current_state({"piece": 2, "asked": 1.5}) == {"piece": 2, "commanded": 1.5}
 
 
 def test_an_action_is_the_presets_share_of_the_robots_scale() -> None:

@@ -52,10 +52,10 @@ class Maker:
         return jax.jit(advance).lower(STATE)
 
 
-def kept(make: Any, *made_from: Any, say: Any = print) -> Any:
+def kept(make: Any, *made_from: Any, report: Any = print) -> Any:
     """The program, after its file has been written."""
     with ThreadPoolExecutor(1) as beside:
-        program = program_cache.load_or_compile(make, beside, say, *made_from).result()
+        program = program_cache.load_or_compile(make, beside, report, *made_from).result()
     for thread in threading.enumerate():
         if thread.name == "keep program":
             thread.join()
@@ -154,7 +154,7 @@ def test_code_that_others_may_have_written_is_not_run(cache: Path, make: Maker, 
     file.write_bytes(pickle.dumps(Hostile(tmp_path / "made")))
     file.chmod(0o620)
     lines: list[str] = []
-    assert float(kept(make, say=lines.append)(STATE)[1]["total"]) == 6.0
+    assert float(kept(make, report=lines.append)(STATE)[1]["total"]) == 6.0
     assert not (tmp_path / "made").exists()
     assert (make.made, len(lines)) == (2, 1)
 

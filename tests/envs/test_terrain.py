@@ -107,14 +107,14 @@ def test_success_leads_to_harder_ground(env: Any, begun: State) -> None:
         assert (pieces // LEVELS == 1).all()  # of the same kind
         return pieces % LEVELS
 
-    assert (next_levels(along=4.5, asked=5.0, fell=0.0) == 1).all()
+    assert (next_levels(along=4.5, commanded=5.0, fell=0.0) == 1).all()
     for progress in (
-        {"along": 3.0, "asked": 5.0, "fell": 0.0},
-        {"along": 4.5, "asked": 5.0, "fell": 1.0},
-        {"along": 0.4, "asked": 0.4, "fell": 0.0},
+        {"along": 3.0, "commanded": 5.0, "fell": 0.0},
+        {"along": 4.5, "commanded": 5.0, "fell": 1.0},
+        {"along": 0.4, "commanded": 0.4, "fell": 0.0},
     ):
         assert (next_levels(**progress) == 0).all(), progress
-    assert (next_levels(1, along=4.5, asked=5.0, fell=1.0) == 0).all()
+    assert (next_levels(1, along=4.5, commanded=5.0, fell=1.0) == 0).all()
 
 
 def test_untrainable_ground_is_refused(go1: Robot) -> None:

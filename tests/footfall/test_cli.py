@@ -130,7 +130,7 @@ class TestSmallVerbs:
             failure=SimpleNamespace(iteration=12, reason="nan then"), differences=["another JAX"],
             reason=reason, finding="the reward", saved=Path("s.npz"),
         )  # fmt: skip
-        called.replace("footfall.train.api.diagnose", lambda _, say: say("11 is sound") or found)
+        called.replace("footfall.train.api.diagnose", lambda _, report: report("11 is sound") or found)
         outcome = shell("diagnose", "run")
         assert outcome.status == status
         for fact in ("11 is sound", "another JAX", "nan then", reason or "no", "the reward", "s.npz"):

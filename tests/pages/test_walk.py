@@ -106,7 +106,7 @@ class Visitor:
     def draw(self, metrics: MetricsFile, finished: bool) -> None:
         self.finished = finished
 
-    def say(self, text: str) -> None:
+    def show_status(self, text: str) -> None:
         self.texts.append(text)
 
     def names(self) -> list[str]:

@@ -64,11 +64,11 @@ class TestNextStep:
         self,
         capture: np.ndarray,
         elapsed_s: float = 0.2,
-        way_m: float = 0.1,
+        remaining_m: float = 0.1,
         pressure: tuple[float, float] = (0.01, 0.0),
     ) -> NextStep:
         p = np.array(pressure)
-        return next_step(capture, p, elapsed_s, way_m, -1.0, RATE, self.nominal, LIMITS, WEIGHTS)
+        return next_step(capture, p, elapsed_s, remaining_m, -1.0, RATE, self.nominal, LIMITS, WEIGHTS)
 
     def steady(self, elapsed_s: float) -> np.ndarray:
         """The capture point in the steady gait, with the pressure under the middle of the foot."""

@@ -24,7 +24,7 @@ def robot(request: pytest.FixtureRequest) -> Robot:
 
 
 @pytest.fixture(scope="module")
-def lean(robot: Robot) -> mujoco.MjModel:
+def reduced(robot: Robot) -> mujoco.MjModel:
     return training_model(robot)
 
 
@@ -44,11 +44,11 @@ def touching(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[tupl
     return [(model.geom(one).name, model.geom(other).name) for one, other in touching]
 
 
-def test_no_legs_touch_where_training_starts(robot: Robot, lean: mujoco.MjModel) -> None:
-    assert not touching(lean, robot, robot.default_pose)
+def test_no_legs_touch_where_training_starts(robot: Robot, reduced: mujoco.MjModel) -> None:
+    assert not touching(reduced, robot, robot.default_pose)
     spread = JOINT_RAD * np.random.default_rng(0).uniform(-1, 1, (300, len(robot.joint_names)))
     for offset in spread:
-        assert not touching(lean, robot, robot.default_pose + offset)
+        assert not touching(reduced, robot, robot.default_pose + offset)
 
 
 def crossed(go1: Robot, hip_rad: float, legs: tuple[int, int]) -> np.ndarray:

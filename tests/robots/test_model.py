@@ -30,12 +30,12 @@ def constraint_rows(data: mujoco.MjData, kind: mujoco.mjtConstraint) -> int:
 
 
 @pytest.fixture(scope="module")
-def lean(go1: Robot) -> mujoco.MjModel:
+def reduced(go1: Robot) -> mujoco.MjModel:
     return training_model(go1)
 
 
-def test_standing_costs_sixteen_constraint_rows(go1: Robot, lean: mujoco.MjModel) -> None:
-    data = standing(lean, go1)
+def test_standing_costs_sixteen_constraint_rows(go1: Robot, reduced: mujoco.MjModel) -> None:
+    data = standing(reduced, go1)
     assert data.ncon == 4
     assert data.nefc == 16  # four feet, four edges of a friction pyramid each
     assert constraint_rows(data, mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL) == 16
@@ -64,16 +64,16 @@ def test_bodies_keep_the_inertia_of_omitted_geoms(own_folder: Path) -> None:
         np.testing.assert_allclose(getattr(trained, field), getattr(plant, field), rtol=1e-12, atol=1e-15)
 
 
-def test_feet_touch_the_floor_but_not_each_other(go1: Robot, lean: mujoco.MjModel) -> None:
-    data = standing(lean, go1)
-    floor = lean.geom("floor").id
+def test_feet_touch_the_floor_but_not_each_other(go1: Robot, reduced: mujoco.MjModel) -> None:
+    data = standing(reduced, go1)
+    floor = reduced.geom("floor").id
     assert all(floor in pair for pair in data.contact.geom)
     data.qpos[2] = 1.0
-    data.qpos[joint_addresses(lean, go1)[0]] = go1.default_pose * np.tile((4.5, 1.0, 1.0), 4)  # inwards
-    mujoco.mj_forward(lean, data)
+    data.qpos[joint_addresses(reduced, go1)[0]] = go1.default_pose * np.tile((4.5, 1.0, 1.0), 4)  # inwards
+    mujoco.mj_forward(reduced, data)
     right, left = (data.geom(name).xpos for name in ("FR_foot", "FL_foot"))
     assert np.linalg.norm(right - left) < 2 * 0.023  # they overlap
-    feet = {lean.geom(name).id for foot in go1.description.feet for name in foot.geoms}
+    feet = {reduced.geom(name).id for foot in go1.description.feet for name in foot.geoms}
     assert not feet & set(data.contact.geom.ravel().tolist())
 
 

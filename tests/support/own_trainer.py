@@ -28,8 +28,8 @@ class StandingTrainer(Trainer):
     def restore(self, path: Path) -> None:
         self.iteration = int(path.read_text())
 
-    def prepare(self, say: Callable[[str], None]) -> None:
-        say("standing")
+    def prepare(self, report: Callable[[str], None]) -> None:
+        report("standing")
 
     def iterate(self) -> dict[str, float]:
         self.iteration += 1
@@ -50,7 +50,7 @@ class Incomplete(Trainer):
     """A trainer without `save` and `export`."""
 
     def restore(self, path: Path) -> None: ...
-    def prepare(self, say: Callable[[str], None]) -> None: ...
+    def prepare(self, report: Callable[[str], None]) -> None: ...
     def iterate(self) -> dict[str, float]:
         return {}
 

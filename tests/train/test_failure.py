@@ -117,7 +117,7 @@ def test_the_cause_is_found_by_a_replay(
     checkpoint.save(run.checkpoints, int(state.iteration), state._replace(env=damage(state.env)), seen)
     with pytest.raises(UserError, match=r"iteration \d"):
         api.resume(folder)
-    found = api.diagnose(folder, say=lambda _: None)
+    found = api.diagnose(folder, report=lambda _: None)
     assert found.reason == found.failure.reason
     assert [words for words in named if words not in found.finding] == []
     assert found.saved is not None

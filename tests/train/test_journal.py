@@ -16,7 +16,7 @@ def result(run: Run, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     now = SimpleNamespace(s=50.0)
     monkeypatch.setattr(journal, "time", SimpleNamespace(monotonic=lambda: now.s))
     shown: list[Any] = []
-    screen = SimpleNamespace(update=lambda *each: shown.append(each), say=shown.append)
+    screen = SimpleNamespace(update=lambda *each: shown.append(each), report=shown.append)
     return SimpleNamespace(journal=journal.Journal(run, 2, screen), now=now, shown=shown, run=run)  # type: ignore[arg-type]
 
 

@@ -36,7 +36,7 @@ class FakeTrainer(Trainer):
         self.iteration = 0
         self.calls: list[str] = []
 
-    def prepare(self, say: Any) -> None: ...
+    def prepare(self, report: Any) -> None: ...
 
     def restore(self, path: Path) -> None:
         self.iteration = int(path.stem)

@@ -97,7 +97,7 @@ def test_a_robot_that_was_changed_since_is_refused(own_folder: Path, tmp_path: P
     text = declaration.read_text()
     assert "natural_frequency_hz: 14" in text
     declaration.write_text(text.replace("natural_frequency_hz: 14", "natural_frequency_hz: 13"))
-    for use in (api.resume, api.export_run, lambda folder: api.diagnose(folder, say=print)):
+    for use in (api.resume, api.export_run, lambda folder: api.diagnose(folder, report=print)):
         with pytest.raises(UserError, match=r"mine' has changed since this training began \(") as refusal:
             use(run.folder)
         assert "\n" not in str(refusal.value)

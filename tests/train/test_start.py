@@ -55,9 +55,9 @@ def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.Monkey
     robot, requested, read = load_robot("go1"), [], []
     programs = {"first state": lambda seed: TrainState(*[int(seed)] * 7), "act": "act", "learn": "learn"}
 
-    def ready(lower: object, beside: object, say: Callable[[str], None], *made: object) -> Future:
+    def ready(lower: object, beside: object, report: Callable[[str], None], *made: object) -> Future:
         requested.append(fingerprint(made))
-        say("a warning")
+        report("a warning")
         there: Future = Future()
         there.set_result(programs[made[0]])
         return there

@@ -37,7 +37,7 @@ def test_a_users_trainer_trains_resumes_and_exports(
     (run / FOLDER).mkdir()
     (run / FOLDER / REPORT).write_text(dump(failure))
     with pytest.raises(UserError, match="StandingTrainer, whose runs cannot be replayed"):
-        api.diagnose(run, say=print)
+        api.diagnose(run, report=print)
 
 
 @pytest.mark.parametrize(

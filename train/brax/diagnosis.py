@@ -46,7 +46,7 @@ class _Fault(NamedTuple):
     before: Any = None  # (State, observation, action) of that environment, before the step
 
 
-def diagnose(failure: Failure, run: Run, robot: Robot, say: Callable[[str], None]) -> Diagnosis:
+def diagnose(failure: Failure, run: Run, robot: Robot, report: Callable[[str], None]) -> Diagnosis:
     """See `footfall.train.trainer.Trainer.diagnose`.
 
     Raises:
@@ -56,7 +56,7 @@ def diagnose(failure: Failure, run: Run, robot: Robot, say: Callable[[str], None
     # Each device draws its own noise: use the training's number of devices, if available.
     count = min(failure.devices or len(devices), len(devices))
     replay = _Replay(failure, assemble(run.config, robot), device_mesh(run.config.ppo, count))
-    before, iterate = replay.state_before(checkpoint.latest(kept), say)
+    before, iterate = replay.state_before(checkpoint.latest(kept), report)
     reason, after = replay.failing_iteration(before, iterate)
     fault = replay.first_fault(jax.device_get(before), after)
     saved = None
@@ -76,14 +76,14 @@ class _Replay:
         self._mesh = mesh
         self._ppo = failure.config.ppo
 
-    def state_before(self, start: Path | None, say: Callable[[str], None]) -> tuple[TrainState, Iteration]:
+    def state_before(self, start: Path | None, report: Callable[[str], None]) -> tuple[TrainState, Iteration]:
         """The state before the failing iteration, and the program that failed."""
         seed = self._failure.provenance.seed
         begin = checkpoint.restore(start, self._parts.shapes)[0] if start else seed
-        state, iterate = self._parts.prepare(self._mesh, begin, say)
+        state, iterate = self._parts.prepare(self._mesh, begin, report)
         done, last = int(state.iteration), self._failure.iteration - 1
         which = f"iterations {done + 1} to {last + 1}" if done < last else f"iteration {last + 1}"
-        say(f"replaying {which} from {start.name if start else 'the seed'}")
+        report(f"replaying {which} from {start.name if start else 'the seed'}")
         for _ in range(done, last):
             state, _, _ = iterate(state)
         return state, iterate

@@ -62,17 +62,17 @@ class Parts:
 
     @collector_paused()
     def prepare(
-        self, mesh: Mesh, start: TrainState | int, say: Callable[[str], None]
+        self, mesh: Mesh, start: TrainState | int, report: Callable[[str], None]
     ) -> tuple[TrainState, Iteration]:
         """The state to begin with, and the compiled iteration, which reuses the memory of its argument.
 
         Args:
             mesh: the devices to train on.
             start: a checkpoint's state, on the host, or the seed of a new training.
-            say: shows one line to the user.
+            report: shows one line to the user.
         """
         if self.env.note:
-            say(self.env.note)
+            report(self.env.note)
         # JAX's keys take 32 bits.
         seed = None if isinstance(start, TrainState) else np.uint32(start & 0xFFFFFFFF)
         programs = Programs(self.iteration(mesh), self.first_state, mesh)
@@ -81,7 +81,7 @@ class Parts:
         def show_once(line: str) -> None:
             if line not in shown:
                 shown.append(line)
-                say(line)
+                report(line)
 
         made = made_from(self.env.robot, self.config) if caches_programs(mesh) else None
 

@@ -48,11 +48,11 @@ class BraxTrainer(Trainer):
         self._state, self._observations = checkpoint.restore(path, self._parts.shapes)
         self.iteration = int(self._state.iteration)
 
-    def prepare(self, say: Callable[[str], None]) -> None:
+    def prepare(self, report: Callable[[str], None]) -> None:
         """Compile, and begin from the seed unless a state was restored."""
         mesh = device_mesh(self._run.config.ppo)
         start = self._run.provenance.seed if self._state is None else self._state
-        self._state, self._compiled = self._parts.prepare(mesh, start, say)
+        self._state, self._compiled = self._parts.prepare(mesh, start, report)
         if cluster.is_main_process():
             like = jax.tree.map(
                 lambda leaf: np.zeros(leaf.shape, leaf.dtype),
@@ -124,8 +124,8 @@ class BraxTrainer(Trainer):
         return sorted(metrics)
 
     @classmethod
-    def diagnose(cls, failure: Failure, run: Run, robot: Robot, say: Callable[[str], None]) -> Diagnosis:
+    def diagnose(cls, failure: Failure, run: Run, robot: Robot, report: Callable[[str], None]) -> Diagnosis:
         """Replay a failed iteration."""
         from footfall.train.brax.diagnosis import diagnose  # needed after a failure only
 
-        return diagnose(failure, run, robot, say)
+        return diagnose(failure, run, robot, report)

@@ -16,7 +16,7 @@ from tensordict import TensorDict
 
 from footfall.common.errors import UserError
 from footfall.envs.make import make_environment
-from footfall.envs.old_settings import with_event_steps
+from footfall.envs.old_settings import with_current_state
 from footfall.robots.description import Robot
 from footfall.train.actor import LOGGED_OBSERVATIONS, Actor
 from footfall.train.export import export
@@ -58,10 +58,10 @@ class RslRlTrainer(Trainer):
         self._random = torch.cuda.default_generators[device.index] if cuda else torch.default_generator
         self._seen = np.zeros((0, self.environment.get_observations()["state"].shape[1]), np.float32)
 
-    def prepare(self, say: Callable[[str], None]) -> None:
+    def prepare(self, report: Callable[[str], None]) -> None:
         """Show the environment's note; `__init__` has compiled and has drawn the networks from the seed."""
         if self._note:
-            say(self._note)
+            report(self._note)
 
     def start_from(self, path: Path) -> list[str]:
         """Take over networks and normalisers; see `footfall.train.trainer.Trainer`."""
@@ -140,7 +140,7 @@ class RslRlTrainer(Trainer):
             infos = content["infos"]
             fresh = self.environment.episodes
             saved = serialization.msgpack_restore(infos["episodes"].numpy().tobytes())
-            episodes = serialization.from_state_dict(fresh, with_event_steps(saved))
+            episodes = serialization.from_state_dict(fresh, with_current_state(saved))
             same = jax.tree.map(lambda a, b: a.shape == b.shape, fresh, episodes)
             if not all(jax.tree.leaves(same)):
                 raise ValueError("array shapes differ from config.yaml's")

@@ -9,7 +9,7 @@ import numpy as np
 
 from footfall.common.errors import CannotWriteError, UserError
 from footfall.common.files import write_atomically
-from footfall.envs.old_settings import with_event_steps
+from footfall.envs.old_settings import with_current_state
 
 MAX_CHECKPOINTS = 3
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -100,7 +100,7 @@ def restore(path: Path, state: Any) -> tuple[Any, np.ndarray]:
 
     try:
         content = serialization.msgpack_restore(path.read_bytes())
-        restored = serialization.from_state_dict(state, with_event_steps(content["state"]))
+        restored = serialization.from_state_dict(state, with_current_state(content["state"]))
         observations = np.asarray(content["observations"])
         same = jax.tree.map(lambda a, b: a.shape == b.shape and a.dtype == b.dtype, state, restored)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

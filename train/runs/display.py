@@ -51,7 +51,7 @@ class Display:
         if self._live:
             self._screen.__exit__(kind, error, trace)
 
-    def say(self, text: str) -> None:
+    def report(self, text: str) -> None:
         """Show one line above the live table."""
         self._console.print(text, highlight=False, soft_wrap=True)
 
@@ -59,7 +59,7 @@ class Display:
         """Show a step before the first iteration, such as "compiling"."""
         self._progress.update(self._task, description=what)
         if not self._live:
-            self.say(what)
+            self.report(what)
 
     def update(self, steps: int, steps_per_s: float, metrics: dict[str, float]) -> None:
         """Show the metrics of an iteration, and the progress after it."""
@@ -73,7 +73,7 @@ class Display:
         elif now - self._printed > PLAIN_INTERVAL_S or last:
             self._printed = now
             left = max(self._total - steps, 0) / max(steps_per_s, 1.0)
-            self.say(f"{done}, {left:.0f} s left, {_summary(metrics)}")
+            self.report(f"{done}, {left:.0f} s left, {_summary(metrics)}")
 
 
 def _summary(metrics: dict[str, float]) -> str:

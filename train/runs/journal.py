@@ -60,9 +60,9 @@ class Journal:
             yield
         except CannotWriteError as error:
             if what not in self._not_written:
-                self._display.say(f"{error}; training continues and tries again")
+                self._display.report(f"{error}; training continues and tries again")
             self._not_written.add(what)
         else:
             if what in self._not_written:
-                self._display.say(f"{what} can be written again")
+                self._display.report(f"{what} can be written again")
             self._not_written.discard(what)

@@ -107,8 +107,8 @@ class Geometry:
     def between_limbs(self, pair: Pair, part: Part) -> Contact:
         """The contact of a limb with another one. Both compute it from the same numbers."""
 
-        def seen(of: Callable[[int], Vector], k: int) -> Vector:
-            own, is_own = of(pair.own[k]), less(0.5, part.number(float(k == pair.side)))
+        def seen(position: Callable[[int], Vector], k: int) -> Vector:
+            own, is_own = position(pair.own[k]), less(0.5, part.number(float(k == pair.side)))
             return vector(*(where(is_own, x, part.partner(x, pair.slot)) for x in own))
 
         return self._between(pair.geom_pair, *self._nearest(pair.geom_pair.geoms, seen))

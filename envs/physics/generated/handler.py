@@ -150,14 +150,16 @@ failed:
 """
 
 
-def _field(name: str, of: str, offset: int, kind: str = "ptr") -> str:
+def _field(name: str, base: str, offset: int, kind: str = "ptr") -> str:
     """Lines that load a field of a structure into a value with this name."""
-    return f"%{name}_at = getelementptr i8, ptr %{of}, i64 {offset}\n  %{name} = load {kind}, ptr %{name}_at"
+    address = f"%{name}_at"
+    return f"{address} = getelementptr i8, ptr %{base}, i64 {offset}\n  %{name} = load {kind}, ptr {address}"
 
 
-def _set(of: str, offset: int, value: str) -> str:
+def _set(base: str, offset: int, value: str) -> str:
     """Lines that write a field of a structure."""
-    return f"%{of}_{offset} = getelementptr i8, ptr %{of}, i64 {offset}\n  store {value}, ptr %{of}_{offset}"
+    field = f"%{base}_{offset}"
+    return f"{field} = getelementptr i8, ptr %{base}, i64 {offset}\n  store {value}, ptr {field}"
 
 
 def _parameter(number: int, array: str, index: str) -> str:
@@ -169,15 +171,15 @@ def _parameter(number: int, array: str, index: str) -> str:
   """
 
 
-_STREAM = f"""%asked = alloca {{i64, ptr, ptr, ptr}}
-  store {{i64, ptr, ptr, ptr}} {{i64 32, ptr null, ptr null, ptr null}}, ptr %asked
+_STREAM = f"""%stream_request = alloca {{i64, ptr, ptr, ptr}}
+  store {{i64, ptr, ptr, ptr}} {{i64 32, ptr null, ptr null, ptr null}}, ptr %stream_request
   {_field("context", "frame", CONTEXT)}
-  {_set("asked", REQUEST_CONTEXT, "ptr %context")}
+  {_set("stream_request", REQUEST_CONTEXT, "ptr %context")}
   {_field("get_stream", "api", GET_STREAM)}
-  %refusal = call ptr %get_stream(ptr %asked)
+  %refusal = call ptr %get_stream(ptr %stream_request)
   %is_given = icmp eq ptr %refusal, null
   br i1 %is_given, label %given, label %refused
 refused:
   ret ptr %refusal
 given:
-  {_field("stream", "asked", STREAM)}"""
+  {_field("stream", "stream_request", STREAM)}"""

@@ -92,7 +92,7 @@ def next_step(
     capture: np.ndarray,
     pressure: np.ndarray,
     elapsed_s: float,
-    way_m: float,
+    remaining_m: float,
     side: float,
     rate: float,
     nominal: NominalStep,
@@ -105,7 +105,7 @@ def next_step(
         capture: (2,) current capture point.
         pressure: (2,) centre of pressure until touch-down.
         elapsed_s: time since the previous touch-down.
-        way_m: remaining distance of the foot.
+        remaining_m: remaining distance of the foot.
         side: +1.0 if the left foot swings, -1.0 if the right foot swings.
         rate: w of the inverted pendulum, 1/s.
         nominal: step of the steady gait.
@@ -113,7 +113,7 @@ def next_step(
         weights: weights of the deviations.
     """
     growth = math.exp(rate * (nominal.time_s - elapsed_s))
-    soonest = max(limits.time_s[0] - elapsed_s, limits.min_swing_s, way_m / limits.speed_m_s)
+    soonest = max(limits.time_s[0] - elapsed_s, limits.min_swing_s, remaining_m / limits.speed_m_s)
     latest = max(limits.time_s[1] - elapsed_s, soonest)
     apart = sorted((side * limits.apart_m[0], side * limits.apart_m[1]))
     # In (position, growth): the offset is pressure + (capture - pressure) growth - position. The steps

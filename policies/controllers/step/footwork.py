@@ -193,9 +193,9 @@ class Footwork:
         after_s = max(self.elapsed_s, gait.double_support_s)
         steer, until_landing = self.steer(ahead, nominal, self.lands_after_s - after_s)
         if self.lands_after_s - after_s > gait.limits.min_swing_s:
-            way_m = math.hypot(*(self.next_foothold @ to_world - leaving))
+            remaining_m = math.hypot(*(self.next_foothold @ to_world - leaving))
             step = next_step(
-                ahead, until_landing, after_s, way_m, side, rate, nominal, gait.limits, gait.weights
+                ahead, until_landing, after_s, remaining_m, side, rate, nominal, gait.limits, gait.weights
             )
             self.next_foothold, self.lands_after_s = to_world @ step.foothold, after_s + step.remaining_s
         remaining_s = self.lands_after_s - after_s

@@ -15,7 +15,7 @@ def diagnose(run: Path, /) -> int:
     """
     with learning_libraries():
         from footfall.train import api
-    result = api.diagnose(run, say=lambda text: print(text, flush=True))
+    result = api.diagnose(run, report=lambda text: print(text, flush=True))
     failure = result.failure
     if result.differences:
         print(f"the replay is approximate: it failed with {'; '.join(result.differences)}")

@@ -12,7 +12,7 @@ class WrongSizeError(ValueError):
     """A policy's command has the wrong number of joints."""
 
 
-class Turn:
+class TimedPolicy:
     """A policy with the time of its next step and its last command. Times start at the beginning of
     walking."""
 

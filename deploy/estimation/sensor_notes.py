@@ -4,11 +4,13 @@ import numpy as np
 
 from footfall.robots.description import Robot
 
-DOUBTED = "the force sensor of {} is silent or contradicts the motors: its contact is estimated from torques"
+UNTRUSTED = (
+    "the force sensor of {} is silent or contradicts the motors: its contact is estimated from torques"
+)
 
 
-class Doubts:
-    """Collects one note for each force sensor that is not believed.
+class SensorNotes:
+    """Collects one note for each force sensor that is not trusted.
 
     Args:
         robot: robot with feet.
@@ -28,11 +30,11 @@ class Doubts:
         """Start the trial again; notes are kept."""
         self._since_s = 0.0
 
-    def update(self, doubted: np.ndarray, dt_s: float) -> None:
-        """Add notes on sensors that are not believed, (legs,) bool, `dt_s` after the last call."""
+    def update(self, untrusted: np.ndarray, dt_s: float) -> None:
+        """Add notes on sensors that are not trusted, (legs,) bool, `dt_s` after the last call."""
         self._since_s += dt_s
         if self._since_s <= self._trial_s:
             return
-        for foot in np.flatnonzero(doubted & ~self._noted):
-            self.notes.append(DOUBTED.format(self._feet[foot]))
-        self._noted |= doubted
+        for foot in np.flatnonzero(untrusted & ~self._noted):
+            self.notes.append(UNTRUSTED.format(self._feet[foot]))
+        self._noted |= untrusted
