@@ -1,6 +1,5 @@
 """Bring-up, from holding a pose to walking: the measurements of each step, and the faults that it finds."""
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,6 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
 from injected import FAULTS, Injected
-from shell import Shell
 
 from footfall.common.config import load
 from footfall.deploy.bring_up import criteria
@@ -398,69 +396,3 @@ class TestSimulatedRobots:
         beside = round(0.4 / uneven.cell_m)
         assert not uneven.heights[0, middle - beside : middle + beside, middle].any()
         assert 0.02 < uneven.heights.max() <= 0.03
-
-
-@pytest.fixture
-def steps_run(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Steps that were run; only `stand` fails."""
-    steps_run: list[str] = []
-
-    def run_step(step: Step, setting: Setting, bus: str) -> Verdict:
-        steps_run.append(step.name)
-        findings = ("the robot is tilted", "a foot hangs") if step.name == "stand" else ()
-        return Verdict(step.name, findings, RESULT)
-
-    monkeypatch.setattr(bring_up, "_run_step", run_step)
-    return steps_run
-
-
-@pytest.mark.parametrize("typed", ["walk,hold,legs", "legs,hold,walk", "hold,walk,hold,legs"])
-def test_steps_run_in_their_own_order(shell: Shell, steps_run: list[str], typed: str) -> None:
-    """The robot does not walk before all other requested steps have passed."""
-    assert shell("bring-up", "stand", "--steps", typed).status == 0
-    assert steps_run == ["hold", "legs", "walk"]
-
-
-def test_no_step_runs_after_a_failed_step(shell: Shell, steps_run: list[str]) -> None:
-    done = shell("bring-up", "stand", "--scale", "0.25", "--json", "out.json")
-    assert (done.status, steps_run) == (1, ["hold", "joints", "legs", "wiring", "stand"])
-    assert_found(done.out.splitlines()[-3:], "stand: failed", "the robot is tilted", "a foot hangs")
-    written = json.loads(Path("out.json").read_text())
-    assert (written["robot"], written["bus"], written["scale"]) == ("go1", "sim", 0.25)
-    assert [(step["step"], step["passed"]) for step in written["steps"]] == [
-        (step, step != "stand") for step in steps_run
-    ]
-    assert written["steps"][-1] == {
-        "step": "stand", "passed": False, "findings": ["the robot is tilted", "a foot hangs"],
-        "final_state": "IDLE", "run_s": 2.5, "notes": ["a note"],
-    }  # fmt: skip
-
-
-def test_a_biped_skips_the_step_that_needs_three_feet(shell: Shell, steps_run: list[str]) -> None:
-    done = shell("bring-up", "stand", "--robot", "g1", "--steps", "shift,walk")
-    assert (done.status, steps_run) == (0, ["walk"])
-    assert done.out.startswith("shift: skipped")
-
-
-def test_each_step_is_confirmed(shell: Shell, steps_run: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
-    answers = iter(["y", "Yes", ""])
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("builtins.input", lambda question: asked.append(question) or next(answers))
-    refused = shell("bring-up", "stand", "--bus", "virtual", "--steps", "hold,legs,walk")
-    assert (refused.status, refused.err) == (2, "footfall: not confirmed\n")
-    assert steps_run == ["hold", "legs"]
-    assert_found(
-        [question.partition(". ")[2] for question in asked], *["frame feet air"] * 2, "ground nobody"
-    )
-
-
-def test_an_invalid_option_is_refused_in_one_line(shell: Shell) -> None:
-    for options, message in (
-        (["--steps", "jump"], "there are hold, joints, legs, wiring, stand, shift, walk, uneven"),
-        (["--scale", "2"], "--scale"),
-        (["--bus", "virtual"], "--yes"),  # no terminal for the confirmation
-    ):
-        refused = shell("bring-up", "stand", *options)
-        assert refused.status == 2
-        assert message in refused.err

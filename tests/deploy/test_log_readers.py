@@ -1,6 +1,5 @@
 """Logs read by another tool: rosbags, with ROS 2's own definitions."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.frames import EXTENDED, FD, Frames
 from footfall.deploy.log import McapLog
-from footfall.deploy.log_analysis.layouts import foxglove_layout
 from footfall.deploy.log_file import read_log
 from footfall.deploy.log_records import Kind
 from footfall.deploy.modes import Mode
@@ -142,13 +140,3 @@ def test_frames_and_battery(messages: dict[str, list[Any]]) -> None:
     battery = messages["/battery_state"][0]
     assert (battery.voltage, battery.current, battery.percentage) == (24.5, -3.0, 0.75)
     assert battery.present
-
-
-def test_a_layout_plots_joints_by_name_and_shows_the_robot_up_close() -> None:
-    paths = json.loads(foxglove_layout(["hip", "knee"]))["configById"]["Plot!velocity"]["paths"]
-    shown = [(path["value"], path["label"]) for path in paths]
-    assert shown == [("/joint_states.velocity[0]", "hip"), ("/joint_states.velocity[1]", "knee")]
-    scene = json.loads(foxglove_layout(["hip"]))["configById"]["3D!robot"]
-    assert scene["followTf"] == "base_link"
-    assert 1.0 < scene["cameraState"]["distance"] < 4.0
-    assert not scene["scene"]["transforms"]["showLabel"]

@@ -1,7 +1,5 @@
 """The example of a user's own controller."""
 
-import json
-
 import numpy as np
 from half_rate import half_rate
 from user_folder import UserFolder
@@ -23,11 +21,3 @@ def test_the_base_sinks_and_rises_while_all_feet_stand(user_folder: UserFolder) 
     depth = 0.15 * robot.description.standing_height_m
     assert 0.7 * depth < highest - lowest < 1.3 * depth
     assert trace.foot_contact.mean() > 0.95
-
-
-def test_the_example_is_deployed_by_its_name(user_folder: UserFolder) -> None:
-    user_folder.copy("push_ups.py")
-    user_folder.footfall(
-        "deploy", "push_ups:PushUps", "--command", "0,0,0", "--duration", "1", "--json", "out.json"
-    )
-    assert json.loads((user_folder.path / "out.json").read_text())["final_state"] == "IDLE"

@@ -42,6 +42,9 @@ REFUSED = """
     can monitor --duration 86401 | --duration 86400
     can monitor --duration 0 | --duration
     deploy stand --command nan,0,0 | --command
+    deploy stand --command 0.5,0 | --command
+    deploy stand --command 0,0,101 | --command
+    deploy stand --command=0,-100.1,0 | --command
     deploy stand --command | --command
     deploy stand --robot hexapot | hexapod
     deploy stand --robot rex | rex go1 robot.yaml
@@ -49,6 +52,7 @@ REFUSED = """
     deploy stand --log /proc/x.mcap | /proc
     deploy stand --plant rex.xml | rex.xml
     deploy stand --config loop.yaml | loop.yaml
+    deploy stand --config /dev/zero | /dev/zero
     deploy stand --set | --set
     deploy stand --set stand.kp=-1 | stand@kp=-1 kp
     deploy go1-falt | go1-flat
@@ -157,11 +161,6 @@ def test_a_motor_timeout_beyond_the_buss_limit_is_refused(shell: Shell, tmp_path
     assert "0.1 s" in complaint
 
 
-@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no /dev/zero")
-def test_infinite_settings_are_refused(shell: Shell) -> None:
-    assert "/dev/zero" in shell.refuses("deploy", "stand", "--config", "/dev/zero")
-
-
 @pytest.mark.parametrize("verb", [["deploy", "stand"], ["evaluate", "stand"], ["train"]])
 def test_a_robot_folder_with_garbage_is_refused(shell: Shell, own_folder: Path, verb: list[str]) -> None:
     (own_folder / "robot.yaml").write_text("name: [")
@@ -212,12 +211,6 @@ def test_two_outputs_with_one_name_are_refused(shell: Shell, tmp_path: Path) -> 
     same = tmp_path / "out"
     assert str(same) in shell.refuses("deploy", "stand", "--json", same, "--log", same)
     assert not same.exists()
-
-
-def test_training_into_a_folder_in_use_is_refused(shell: Shell, own_folder: Path) -> None:
-    before = sorted(own_folder.iterdir())
-    assert "not empty" in shell.refuses("train", "--preset", "smoke", "--out", own_folder)
-    assert sorted(own_folder.iterdir()) == before
 
 
 @pytest.mark.skipif(not hasattr(socket, "AF_CAN"), reason="no SocketCAN on this system")

@@ -1,62 +1,106 @@
-"""Arguments and resources that `footfall bring-up` passes to its steps. No step is run."""
+"""`footfall bring-up`: what it passes to its steps, their order, questions and results. No step is run."""
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from shell import Shell
 
 from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict
+from footfall.deploy.session import SessionResult
 from footfall.verbs import bring_up
 
-OUTCOME: Any = SimpleNamespace(final_state="IDLE", run_s=2.5, notes=("a note",))
+RESULT = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), ("a note",), ())
+Run = tuple[str, Setting, str]
 
 
 @pytest.fixture
-def runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Step, Setting, str]]:
-    """Each step that was run, its setting and its bus; all pass."""
-    given: list[tuple[Step, Setting, str]] = []
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[Run]:
+    """Each step that was run, its setting and its bus; `stand` fails on half of the torque."""
+    given: list[Run] = []
 
     def run_step(step: Step, setting: Setting, bus: str) -> Verdict:
-        given.append((step, setting, bus))
-        return Verdict(step.name, (), OUTCOME)
+        given.append((step.name, setting, bus))
+        fails = step.name == "stand" and setting.deploy.scale < 0.5
+        return Verdict(step.name, ("the robot is tilted", "a foot hangs") if fails else (), RESULT)
 
     monkeypatch.setattr(bring_up, "_run_step", run_step)
     return given
 
 
-def test_the_default_is_all_steps_of_go1_in_simulation(shell: Shell, runs: list[Any], tmp_path: Path) -> None:
+def written() -> dict[str, Any]:
+    return dict(json.loads(Path("a.json").read_text()))
+
+
+def test_the_default_is_all_steps_of_go1_in_simulation(shell: Shell, runs: list[Run]) -> None:
     done = shell("bring-up", "stand", "--json", "a.json")
     assert (done.status, done.err) == (0, "")
     assert done.out.splitlines() == [f"{step.name}: {step.about}: passed" for step in STEPS]
-    assert [(step, bus) for step, _, bus in runs] == [(step, "sim") for step in STEPS]
+    assert [(step, bus) for step, _, bus in runs] == [(step.name, "sim") for step in STEPS]
     setting = runs[0][1]
     assert (setting.robot.name, setting.policy.name, setting.realtime) == ("go1", "stand", False)
-    written = json.loads((tmp_path / "a.json").read_text())
-    assert (written["robot"], written["bus"], written["scale"]) == ("go1", "sim", 0.5)
-    assert [step["step"] for step in written["steps"]] == [step.name for step in STEPS]
+    assert (written()["robot"], written()["bus"], written()["scale"]) == ("go1", "sim", 0.5)
 
 
-def test_robot_policy_bus_and_loop_can_be_chosen(shell: Shell, runs: list[Any], tmp_path: Path) -> None:
-    (tmp_path / "loop.yaml").write_text("stand_s: 2.5")
+def test_robot_policy_bus_and_loop_can_be_chosen(shell: Shell, runs: list[Run]) -> None:
+    Path("loop.yaml").write_text("stand_s: 2.5")
     options = ("--robot", "hexapod", "--bus", "slcan", "--yes", "--config", "loop.yaml", "--json", "a.json")
     assert shell("bring-up", "tripod", "--steps", "walk", "--scale", "0.7", *options).status == 0
     ((step, setting, bus),) = runs
-    assert (step.name, bus, setting.realtime) == ("walk", "slcan", True)
+    assert (step, bus, setting.realtime) == ("walk", "slcan", True)
     assert (setting.robot.name, setting.policy.name) == ("hexapod", "tripod")
     assert (setting.deploy.stand_s, setting.deploy.scale) == (2.5, 0.7)
-    written = json.loads((tmp_path / "a.json").read_text())
-    assert (written["robot"], written["bus"], written["scale"]) == ("hexapod", "slcan", 0.7)
+    assert (written()["robot"], written()["bus"], written()["scale"]) == ("hexapod", "slcan", 0.7)
+
+
+@pytest.mark.parametrize("typed", ["walk,hold,legs", "legs,hold,walk", "hold,walk,hold,legs"])
+def test_steps_run_in_their_own_order(shell: Shell, runs: list[Run], typed: str) -> None:
+    """The robot does not walk before all other requested steps have passed."""
+    assert shell("bring-up", "stand", "--steps", typed).status == 0
+    assert [step for step, *_ in runs] == ["hold", "legs", "walk"]
+
+
+def test_no_step_runs_after_a_failed_step(shell: Shell, runs: list[Run]) -> None:
+    done = shell("bring-up", "stand", "--scale", "0.25", "--json", "a.json")
+    steps = [step for step, *_ in runs]
+    assert (done.status, steps) == (1, ["hold", "joints", "legs", "wiring", "stand"])
+    assert {"the robot is tilted", "a foot hangs"} <= {line.strip(" -") for line in done.out.splitlines()}
+    assert [(each["step"], each["passed"]) for each in written()["steps"]] == [
+        (step, step != "stand") for step in steps
+    ]
+    assert written()["steps"][-1] == {
+        "step": "stand", "passed": False, "findings": ["the robot is tilted", "a foot hangs"],
+        "final_state": "IDLE", "run_s": 2.5, "notes": ["a note"],
+    }  # fmt: skip
+
+
+def test_a_biped_skips_the_step_that_needs_three_feet(shell: Shell, runs: list[Run]) -> None:
+    done = shell("bring-up", "stand", "--robot", "g1", "--steps", "shift,walk")
+    assert (done.status, [step for step, *_ in runs]) == (0, ["walk"])
+    assert done.out.startswith("shift: skipped")
+
+
+def test_each_step_is_confirmed(shell: Shell, runs: list[Run], monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    answers = iter(["y", "Yes", ""])
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda question: asked.append(question) or next(answers))
+    assert shell("bring-up", "stand", "--bus", "virtual", "--steps", "hold,legs,walk").status == 2
+    assert [step for step, *_ in runs] == ["hold", "legs"]
+    hangs = ["air" in question for question in asked]
+    assert hangs == [True, True, False]
 
 
 @pytest.mark.parametrize(
-    ("scale", "refused"), [("0.01", False), ("1", False), ("0.009", True), ("1.01", True)]
+    ("options", "named"),
+    [
+        ("--steps jump", "there are hold, joints, legs, wiring, stand, shift, walk, uneven"),
+        ("--scale 0.009", "--scale"),
+        ("--scale 1.01", "--scale"),
+        ("--bus virtual", "--yes"),  # no terminal for the confirmation
+    ],
 )
-def test_the_scale_of_gains_and_torque_reaches_the_steps(
-    shell: Shell, runs: list[Any], scale: str, refused: bool
-) -> None:
-    outcome = shell("bring-up", "stand", "--steps", "hold", "--scale", scale)
-    assert outcome.status == (2 if refused else 0)
-    assert ("--scale" in outcome.err) is refused
+def test_an_invalid_option_is_refused(shell: Shell, options: str, named: str) -> None:
+    assert named in shell.refuses("bring-up", "stand", *options.split())

@@ -52,13 +52,3 @@ def test_a_robot_folder_limits_the_list_to_its_controllers(
     assert all(row["robots"] == [robot["name"]] for row in listed["controllers"])
     assert {row["name"] for row in listed["policies"]} == set(robot["policies"])
     assert Shell(capsys)("list", "--robot", own_folder).status == 0
-
-
-def test_a_robot_without_policies_has_an_empty_list(
-    own_folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    description = own_folder / "robot.yaml"
-    description.write_text(description.read_text().replace("name: go1", "name: mine"))
-    listed = Shell(capsys)("list", "policies", "--robot", own_folder)
-    assert listed.status == 0
-    assert listed.out.split() == ["policies:", "none"]

@@ -1,6 +1,5 @@
 """The installed command as a process: behaviour that only a real process shows."""
 
-import json
 import os
 import signal
 import subprocess
@@ -9,29 +8,21 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from quick_relaxed import written
-
 ROOT = Path(__file__).parents[2]
 FOOTFALL = [sys.executable, "-m", "footfall"]
-
-VERBS = (
-    "train", "sweep", "watch", "evaluate", "export", "deploy", "compare", "replay", "log", "demo", "diagnose",
-    "doctor",
-)  # fmt: skip
 
 
 def run(*tokens: str, **options) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*FOOTFALL, *tokens], capture_output=True, text=True, check=False, **options)
 
 
-def test_help_names_every_verb_and_loads_no_room() -> None:
+def test_the_api_and_help_load_no_room() -> None:
     code = (
-        "import sys; from footfall.cli import main; main(['--help']);"
+        "import sys, footfall; assert 'numpy' not in sys.modules;"
+        "from footfall.cli import main; main(['--help']);"
         "print([m for m in ('jax', 'mujoco', 'onnxruntime', 'can', 'matplotlib') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    for verb in VERBS:
-        assert f" {verb} " in done.stdout
     assert done.stdout.rstrip().endswith("[]")
 
 
@@ -62,23 +53,6 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
     assert done.stdout.splitlines()[-1] == "[0, 2]"
     assert done.stderr.count("\n") == 1
     assert "[train]'" in done.stderr
-
-
-def test_ctrl_c_ends_a_run_in_an_orderly_way(tmp_path: Path) -> None:
-    """The robot lies down, its motors are disabled, and the figures are written."""
-    figures = tmp_path / "a.json"
-    command = [*FOOTFALL, "deploy", "stand", "--realtime", "--duration", "600", "--config", written(tmp_path)]
-    process = subprocess.Popen(
-        [*command, "--json", figures], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    assert "WALKING" in process.stdout.readline()  # the first line that it prints while walking
-    process.send_signal(signal.SIGINT)
-    _, complaint = process.communicate(timeout=60)
-    assert (process.returncode, complaint) == (0, "")
-    ended = json.loads(figures.read_text())
-    assert ended["final_state"] == "IDLE"
-    assert 0.0 < ended["walked_s"] < 60.0
 
 
 def test_a_signal_ends_an_evaluation_and_its_processes(tmp_path: Path) -> None:

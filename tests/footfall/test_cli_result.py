@@ -40,13 +40,21 @@ def walking_on_a_terminal(walk: list[str], duration_s: str, folder: Path) -> tup
     return child, terminal
 
 
-def test_a_closed_terminal_ends_the_run_in_order(walk: list[str], tmp_path: Path) -> None:
-    """The robot lies down and the figures are written, though every write to the terminal fails."""
-    child, terminal = walking_on_a_terminal(walk, "60", tmp_path)
-    os.close(terminal)
-    os.kill(child, signal.SIGHUP)  # the shell's signal, after the kernel's
+@pytest.mark.parametrize("closed", [True, False], ids=["terminal closed", "Ctrl-C"])
+def test_a_closed_terminal_and_ctrl_c_end_the_run_in_order(
+    walk: list[str], tmp_path: Path, closed: bool
+) -> None:
+    """The robot lies down and the figures are written, even if every write to the terminal fails."""
+    child, terminal = walking_on_a_terminal(walk, "600", tmp_path)
+    if closed:
+        os.close(terminal)
+        os.kill(child, signal.SIGHUP)  # the shell's signal, after the kernel's
+    else:
+        os.write(terminal, b"\x03")
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    assert figures(tmp_path)["final_state"] == "IDLE"
+    ended = figures(tmp_path)
+    assert ended["final_state"] == "IDLE"
+    assert ended["walked_s"] < 60.0
 
 
 def test_a_pipe_without_a_reader_ends_the_run_in_order(walk: list[str], tmp_path: Path) -> None:

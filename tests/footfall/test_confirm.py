@@ -6,49 +6,40 @@ from footfall.common.errors import UserError
 from footfall.confirm import confirm
 
 
-@pytest.fixture
-def questions(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Questions that were asked; there is no terminal."""
+def asked(monkeypatch: pytest.MonkeyPatch, answer: str | None, terminal: bool, yes: bool) -> list[str]:
+    """The questions asked for a confirmation; None ends the input."""
     questions: list[str] = []
-    monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
-    monkeypatch.setattr("builtins.input", lambda question: questions.append(question) or "n")
+
+    def answered(question: str) -> str:
+        questions.append(question)
+        if answer is None:
+            raise EOFError
+        return answer
+
+    monkeypatch.setattr("sys.stdin.isatty", lambda: terminal, raising=False)
+    monkeypatch.setattr("builtins.input", answered)
+    confirm("shall it move?", yes=yes)
     return questions
 
 
 @pytest.mark.parametrize("answer", ["y", "yes", "Y", "YES", " yes "])
-def test_yes_in_any_case_is_a_yes(questions: list[str], monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("builtins.input", lambda question: questions.append(question) or answer)
-    confirm("shall it move?", yes=False)
-    assert questions == ["shall it move? [y/N] "]
+def test_yes_in_any_case_is_a_yes(monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
+    assert asked(monkeypatch, answer, terminal=True, yes=False) == ["shall it move? [y/N] "]
 
 
-def test_with_yes_no_question_is_asked(questions: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    for terminal in (False, True):
-        monkeypatch.setattr("sys.stdin.isatty", lambda terminal=terminal: terminal, raising=False)
-        confirm("shall it move?", yes=True)
-    assert questions == []
+@pytest.mark.parametrize("terminal", [True, False])
+def test_with_yes_no_question_is_asked(monkeypatch: pytest.MonkeyPatch, terminal: bool) -> None:
+    assert asked(monkeypatch, "n", terminal, yes=True) == []
 
 
-@pytest.mark.parametrize("answer", ["", "n", "yep"])
-def test_any_other_answer_is_a_no(questions: list[str], monkeypatch: pytest.MonkeyPatch, answer: str) -> None:
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("builtins.input", lambda _: answer)
+@pytest.mark.parametrize("answer", ["", "n", "yep", None])
+def test_any_other_answer_and_the_end_of_the_input_are_a_no(
+    monkeypatch: pytest.MonkeyPatch, answer: str | None
+) -> None:
     with pytest.raises(UserError):
-        confirm("shall it move?", yes=False)
+        asked(monkeypatch, answer, terminal=True, yes=False)
 
 
-def test_without_a_terminal_a_question_is_refused(questions: list[str]) -> None:
+def test_without_a_terminal_a_question_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(UserError, match="--yes"):
-        confirm("shall it move?", yes=False)
-    assert questions == []
-
-
-def test_the_end_of_the_input_means_no(questions: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def end_of_input(_: str) -> str:
-        raise EOFError
-
-    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("builtins.input", end_of_input)
-    with pytest.raises(UserError):
-        confirm("shall it move?", yes=False)
+        asked(monkeypatch, "y", terminal=False, yes=False)
