@@ -100,15 +100,6 @@ class TestCriteria:
     def test_a_shaking_joint_is_found(self, go1: Robot, velocity: np.ndarray, finds: list[str]) -> None:
         assert_found(findings(go1, criteria.calm, velocity=only(4, velocity)), *finds)
 
-    @pytest.mark.parametrize(("ticks", "shakes"), [(20, False), (21, True)])
-    def test_a_fifth_of_a_second_is_too_short_for_shaking(self, go1: Robot, ticks: int, shakes: bool) -> None:
-        changes = {name: np.zeros((ticks, 12)) for name in ("target", "position", "torque", "temperature_c")}
-        velocity = only(4, 9.0 * (-1.0) ** np.arange(101))[:ticks]
-        found = findings(
-            go1, criteria.calm, velocity=velocity, time_s=TIME_S[:ticks], up=UP[:ticks], **changes
-        )
-        assert bool(found) is shakes
-
     @pytest.mark.parametrize(
         ("torque", "finds"),
         [

@@ -13,7 +13,3 @@ class TestFrameBits:
         """The formula of ISO 11898 is 47 + 8 n + floor((34 + 8 n - 1) / 4), with 67 and 54 for 29 bits."""
         assert frame_bits(length) == 47 + 8 * length + math.floor((33 + 8 * length) / 4)
         assert frame_bits(length, True) == 67 + 8 * length + math.floor((53 + 8 * length) / 4)
-
-    def test_twelve_motors_at_500_hz_need_two_buses(self) -> None:
-        exchange_us = 2 * frame_bits(8)
-        assert 6 * exchange_us * 500 / 1e6 == pytest.approx(0.81)

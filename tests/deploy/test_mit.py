@@ -16,7 +16,6 @@ from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.mit import MitMotorEnd
-from footfall.plant.motor_ends.motor_end import Request
 from footfall.robots.description import Robot
 
 PROTOCOLS = list(mit.RANGES)
@@ -167,17 +166,6 @@ class TestAddressing:
         rows = sent.take(np.array([4, 1, 7, 8]))
         requests = end.requests(rows._replace(id=np.array([2, 2, 0x102, 9]), length=np.array([8, 7, 8, 8])))
         assert requests.motor.tolist() == [4]  # type: ignore[union-attr]
-
-    def test_each_motors_request_is_decoded(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
-        driver, end = ends
-        assert end.requests(driver.enable()).kind.tolist() == [Request.ENABLE] * 12  # type: ignore[union-attr]
-        assert end.requests(driver.disable()).kind.tolist() == [Request.DISABLE] * 12  # type: ignore[union-attr]
-        mixed = driver.command(np.zeros((5, 12)))
-        data = mixed.data.copy()
-        data[2], data[3], data[7] = (mit.special(code, 1)[0] for code in (mit.ZERO, mit.ENTER, mit.EXIT))
-        kind = end.requests(mixed._replace(data=data)).kind
-        assert kind is not None
-        assert {k: int(v) for k, v in enumerate(kind) if v} == {2: 3, 3: 1, 7: 2}  # zero, enable, disable
 
 
 def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> None:

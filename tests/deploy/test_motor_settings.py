@@ -52,13 +52,3 @@ class TestQuestions:
         settings.questions()
         settings.note(0, 9, 2000)
         assert settings.questions() == []
-
-    @pytest.mark.parametrize("count", [0, 2001, 4_000_000_000])
-    def test_a_wrong_timeout_is_written_and_read_back(self, settings: Settings, count: int) -> None:
-        """The timeout of 0.1 s is 2000 steps."""
-        settings.note(0, 9, count)
-        settings.note(0, 10, 1)
-        assert "hip" in settings.problem()
-        assert (0, 9, 2000) in settings.questions()
-        settings.note(0, 9, 2000)
-        assert "hip" not in settings.problem()

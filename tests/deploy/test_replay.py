@@ -1,7 +1,6 @@
 """Reading and repairing logs, with files written here record by record."""
 
 import json
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,14 +17,12 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from footfall.common.errors import UserError
 from footfall.deploy.log import McapLog
-from footfall.deploy.log_file import read_log
 from footfall.deploy.log_numbers import flatten
 from footfall.deploy.log_records import Kind, record
 from footfall.deploy.orders import Order, OrderKind
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
 from footfall.deploy.telemetry.definitions import definition
-from footfall.deploy.telemetry.process import FLUSH_EVERY_S
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.actuator import JointCommand
@@ -262,37 +259,6 @@ class TestWritten:
         stop = {"order": "stop", "by": "page 2", "why": "stopped by page 2"}
         assert json.loads(found["/orders"][0][1].data) == stop
         assert json.loads(found["/rosout"][-1][1].msg) == stop
-
-    def test_the_metadata_is_written_at_the_start(self, log: McapLog, go1: Robot, tmp_path: Path) -> None:
-        """The file of a run that is killed at once already has it."""
-        deadline = time.monotonic() + 20.0
-        while (tmp_path / "run.mcap").stat().st_size == 0 and time.monotonic() < deadline:
-            time.sleep(0.01)
-        metadata = read_log(tmp_path / "run.mcap").metadata
-        log.close()
-        assert metadata == {
-            "policy": "by another name",
-            "policy_rate_hz": 50.0,
-            "robot": "go1",
-            "robot_folder": str(go1.folder),
-            "robot_digest": go1.digest,
-            "joints": list(go1.joint_names),
-            "foot_sensors": 0,
-            "contract": None,
-            "seed": 5,
-        }
-
-    def test_messages_reach_the_file_before_the_end(self, log: McapLog, tmp_path: Path) -> None:
-        assert FLUSH_EVERY_S <= 0.1  # with as much again for writing, a killed run loses at most 0.2 s
-        for k in range(20):
-            log.note(k, f"note {k}")
-        deadline = time.monotonic() + 20.0
-        found: list[str] = []
-        while len(found) < 20 and time.monotonic() < deadline:
-            time.sleep(FLUSH_EVERY_S)
-            found = [entry.message.data for entry in read_log(tmp_path / "run.mcap", ["/notes"]).entries]
-        assert log.close() == log.close() == ""
-        assert found == [f"note {k}" for k in range(20)]
 
 
 NOT_OF_ROS = {"can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"}

@@ -10,7 +10,7 @@ from sensor_readings import SAMPLE_US, STILL
 
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.modes import Mode
-from footfall.deploy.sensor_checks.check import BodyCheck, JointCheck, Limit
+from footfall.deploy.sensor_checks.check import JointCheck, Limit
 from footfall.deploy.sensor_checks.joint_window import JointWindow, JointWindows
 from footfall.deploy.sensor_checks.monitor import SensorMonitor
 from footfall.deploy.sensor_checks.table import JOINT_CHECKS, SensorLimits
@@ -119,23 +119,6 @@ def test_a_made_up_check_is_judged_and_reset(go1: Robot) -> None:
     assert window(monitor, moving, number=1) == twitches
     monitor.begin(20 * SAMPLE_US, np.full(12, 20 * SAMPLE_US), STILL, moving, moving[0])
     assert window(monitor, moving, number=2) is None
-
-
-class Seen(BodyCheck):
-    """Stores the windows that it receives."""
-
-    quantity, message, limit = "", "seen {0:.0f}", Limit("speed_share")
-    windows: ClassVar[list] = []
-
-    def measure(self, window: object) -> float:
-        self.windows.append(window)
-        return float(len(self.windows))
-
-
-@pytest.fixture
-def seen(monkeypatch: pytest.MonkeyPatch) -> list:
-    monkeypatch.setattr(Seen, "windows", [])
-    return Seen.windows
 
 
 @pytest.mark.parametrize(

@@ -103,6 +103,9 @@ def test_layouts_name_topics_and_joints(shell: Shell, go1: Robot, logged: Path, 
     paths = [path for panel in foxglove["configById"].values() for path in panel.get("paths", ())]
     assert {path["value"].partition(".")[0] for path in paths} <= set(TOPICS)
     assert set(go1.joint_names) <= {path["label"] for path in paths}
+    of_joints = [path for path in paths if path["value"].startswith("/joint_states.")]
+    for path in of_joints:
+        assert path["value"].endswith(f"[{go1.joint_names.index(path['label'])}]")
     placed = re.findall(r'"(?:first|second)": "(.+)"', (tmp_path / "foxglove").read_text())
     assert sorted(placed) == sorted(foxglove["configById"])
     curves = [each.get("name", "") for each in ElementTree.parse(tmp_path / "plotjuggler").iter("curve")]

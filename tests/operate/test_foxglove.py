@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from deploy_policies import Hold
+from ports import free_port
 from websockets.sync.client import ClientConnection, connect
 
 from footfall.common.errors import UserError
@@ -21,13 +22,6 @@ from footfall.robots.description import Robot
 
 pytest.importorskip("foxglove")
 WAIT_S = 20.0
-
-
-def free_port() -> int:
-    import socket
-
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
 
 
 def topics_seen(viewer: ClientConnection, expected: set[str], beat: Callable[[], None]) -> set[str]:

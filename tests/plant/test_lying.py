@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from foreign_robots import BIPED_MJCF, make, quadruped
 
-from footfall.cli import main
 from footfall.deploy.config import DeployConfig
-from footfall.plant.lying import LyingResult, find_lying_pose, lying_test, resting_effort
+from footfall.plant.lying import find_lying_pose, lying_test, resting_effort
 from footfall.robots.description import Robot
 
 QUICK = DeployConfig(joint_rate_hz=250.0, stand_s=0.2, pose_rate_rad_s=3.0, stop_rate_rad_s=3.0, stop_s=0.1)
@@ -64,24 +63,6 @@ def test_a_robot_that_tips_or_hardly_folds_gets_no_lying_pose(tmp_path: Path, te
     robot = make(tmp_path, text, suffix, find_lying_pose=quickly)[0]
     assert robot.lying_pose is None
     assert "- no lying pose: " in (robot.folder / "robot.yaml").read_text()
-
-
-@pytest.fixture
-def no_controllers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`robot check` without the walks of controllers, which take long."""
-    monkeypatch.setattr("footfall.plant.walking.controllers_test", lambda *_: [])
-
-
-@pytest.mark.usefixtures("no_controllers")
-def test_check_reports_it(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    tips = LyingResult("it tilts by 30 degrees", 0.004, 0.5236)
-    monkeypatch.setattr("footfall.plant.lying.lying_test", lambda *_: tips)
-    assert main(["robot", "check", "go1", "--duration", "0.3"]) == 1
-    result = capsys.readouterr().out
-    assert "base 4 mm above the ground at the end\n  tilted 30.0 degrees" in result
-    assert (
-        "wrong: it does not stand up from its lying pose and lie down again: it tilts by 30 degrees" in result
-    )
 
 
 def test_the_effort_of_a_pose_is_that_of_the_most_loaded_motor(go1: Robot) -> None:
