@@ -112,7 +112,7 @@ def test_wrong_wiring_is_named_before_the_robot_walks(
     lying: bool,
     names: list[str],
 ) -> None:
-    motions(settle_s=0.8, move_s=0.3)
+    motions(settle_s=0.6, move_s=0.2)
     outcome = checked(go1, inject, lying)
     assert outcome.final_state == "ESTOP"
     assert outcome.walked_s == 0.0
@@ -121,7 +121,7 @@ def test_wrong_wiring_is_named_before_the_robot_walks(
 
 def test_exchanged_motors_of_a_biped_are_named(motions: Callable[..., None]) -> None:
     """The two motors' ranges differ, so each torque is read in the other's range."""
-    motions(settle_s=0.5, move_s=0.25)
+    motions(settle_s=0.5, move_s=0.2)
     g1, yaw, other = load_robot("g1"), "left_hip_yaw_joint", "left_ankle_roll_joint"
     outcome = checked(g1, motors_exchanged(g1.joint_names.index(yaw), g1.joint_names.index(other)), False)
     assert outcome.final_state == "ESTOP"
