@@ -146,9 +146,9 @@ SIGNAL_CHECKS = (
         lambda s, _: s.wiring.fault,
         Mode.ESTOP,
     ),
-    Check("a stop from outside that damps at once", (Mode.IDLE, *HELD), _stopped(damp=True), Mode.ESTOP),
+    Check("external stop with damping at once", (Mode.IDLE, *HELD), _stopped(damp=True), Mode.ESTOP),
     Check(
-        "a stop from outside",
+        "external stop",
         (*ENDED, Mode.LOWERING),  # in LOWERING it changes how the run ends: it is latched
         _stopped(damp=False),
         Mode.LOWERING,

@@ -17,7 +17,7 @@ GROUPS = {
     "motors' replies": REPLIES,
     "motors and body": BODY,
     "battery": BATTERY,
-    "slow or now and then": (*INTERMITTENT, *SLOW),
+    "slow or intermittent": (*INTERMITTENT, *SLOW),
     "policy and program": POLICY,
     "operator": OPERATOR,
     "at the start": START,

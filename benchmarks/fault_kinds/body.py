@@ -44,18 +44,20 @@ def put(quaternion: tuple[float, float, float, float]) -> Injection:
 TILT = "noticed by its tilt"
 WEAK = "less torque than reported looks like a heavier robot to all sensors; a fall is noticed by its tilt"
 SAG = "motors that do not report their voltage are slower and weaker, as if the robot were heavier"
-LIMP = "a motor may report no torque for `no_torque_s`, because it may be late; checked in windows of 40 ms"
+REBOOTED = (
+    "a motor may report no torque for `no_torque_s`, because it may be late; checked in windows of 40 ms"
+)
 OTHER_WAY = "the torque of a delayed motor has the wrong sign for moments: only the average counts"
 BODY = (
     FaultKind(
-        "one motor rebooted: limp, but replies",
+        "one motor rebooted: replies without torque",
         _reboot(False),
         None,
         EXPLAINED,
         main=True,
     ),
-    FaultKind("all motors rebooted", _reboot(True), LATER_S, LIMP, main=True),
-    FaultKind("motor pulls the other way", strength(-1.0), SOON_S, OTHER_WAY, main=True),
+    FaultKind("all motors rebooted", _reboot(True), LATER_S, REBOOTED, main=True),
+    FaultKind("motor's torque reversed", strength(-1.0), SOON_S, OTHER_WAY, main=True),
     FaultKind("motor has a third of its torque", strength(0.33), None, WEAK),
     FaultKind("all motors have half their torque", strength(of_all=0.5), None, WEAK),
     *(

@@ -105,7 +105,7 @@ def _imu_queues(injector: FaultInjector) -> None:
 
 TWICE = "the error is twice the body's rotation, which takes part of a step to reach 0.04 rad"
 GROWS = "a reader at half the rate of arrival is late by `silence_timeout_s` after twice that time"
-CALM = "in a calm walk the body turns hardly more than the noise; noticed once it turns more"
+CALM = "in a calm walk the body's rotation is as small as the noise; noticed once it turns more"
 LEVEL = "nearly the same for a level body that has not turned since the start"
 PAUSING = "readings may repeat while the joints rest, as between slow steps"
 LOOSE = "its readings agree with each other; only legs that stand still reveal the tilt"
@@ -133,20 +133,20 @@ IMU = (
     FaultKind("gyro frozen", _frozen("gyro")),
     FaultKind("acceleration frozen", _frozen("acceleration")),
     FaultKind("quaternion frozen", _frozen("quaternion")),
-    FaultKind("gyro reads nothing but zero", scaled("gyro", 0.0, 0.0, 0.0)),
-    FaultKind("gyro's signs turned round", scaled("gyro", -1.0, -1.0, -1.0), PAUSING_S, TWICE),
+    FaultKind("gyro reads zero", scaled("gyro", 0.0, 0.0, 0.0)),
+    FaultKind("gyro's signs reversed", scaled("gyro", -1.0, -1.0, -1.0), PAUSING_S, TWICE),
     FaultKind("gyro three times too high", scaled("gyro", 3.0, 3.0, 3.0), None, CALM),
     FaultKind("gyro's x and y exchanged", _permuted("gyro", 1, 0, 2), None, CALM),
     FaultKind("gyro off by 2 rad/s", gyro_bias(2.0)),
-    FaultKind("quaternion's roll turned round", scaled("quaternion", 1.0, -1.0, 1.0, 1.0), None, CALM),
-    FaultKind("quaternion's pitch turned round", scaled("quaternion", 1.0, 1.0, -1.0, 1.0), None, CALM),
+    FaultKind("quaternion's roll reversed", scaled("quaternion", 1.0, -1.0, 1.0, 1.0), None, CALM),
+    FaultKind("quaternion's pitch reversed", scaled("quaternion", 1.0, 1.0, -1.0, 1.0), None, CALM),
     FaultKind("quaternion from world to body", scaled("quaternion", 1.0, -1.0, -1.0, -1.0), SLOW_S, LEVEL),
     FaultKind("quaternion's w last", _permuted("quaternion", 1, 2, 3, 0), main=True),
     FaultKind("quaternion off by 30 degrees", leaning(30.0), main=True),
     FaultKind("quaternion off by 15 degrees", leaning(15.0)),
-    FaultKind("acceleration's signs turned round", scaled("acceleration", -1.0, -1.0, -1.0), 0.6, MEAN),
+    FaultKind("acceleration's signs reversed", scaled("acceleration", -1.0, -1.0, -1.0), 0.6, MEAN),
     FaultKind("acceleration in units of g", scaled("acceleration", *(1 / GRAVITY_M_S2,) * 3), 1.3, MEAN),
-    FaultKind("IMU comes loose and leans by 0.2 rad/s", loose(0.0, 0.2), None, LOOSE),
+    FaultKind("IMU comes loose and tilts at 0.2 rad/s", loose(0.0, 0.2), None, LOOSE),
     FaultKind("IMU late by 20 ms", _imu_late(20), None, "late readings agree with each other"),
     FaultKind("IMU late by 100 ms", _imu_late(100), SILENCE_S),
     FaultKind("IMU's readings queue up", _imu_queues, QUEUE_S, GROWS),

@@ -16,7 +16,7 @@ from footfall.plant.imu_ends import IMU_PERIOD_S
 from footfall.plant.injection import FaultInjector, Injection
 
 TICK_S = 0.002  # period of the loop in these runs
-LIMP = 1e-9  # share of its torque that a limp motor keeps; not 0, so that it can be undone
+RESIDUAL = 1e-9  # share of its torque that a motor without torque keeps; not 0, so that it can be undone
 
 
 def each_tick(act: Callable[[int], None]) -> Callable[[Batches, int], Batches]:
@@ -49,8 +49,8 @@ def _intermittent(
     return inject
 
 
-def _limp(injector: FaultInjector, faulty: bool) -> None:
-    strength(LIMP if faulty else 1.0 / LIMP)(injector)
+def _without_torque(injector: FaultInjector, faulty: bool) -> None:
+    strength(RESIDUAL if faulty else 1.0 / RESIDUAL)(injector)
 
 
 def _motor_silent(injector: FaultInjector, faulty: bool) -> None:
@@ -202,7 +202,7 @@ def second_host(injector: FaultInjector) -> None:
     )
 
 
-def bus_lost_now_and_then(injector: FaultInjector) -> None:
+def bus_lost_intermittently(injector: FaultInjector) -> None:
     """A plug that makes no contact for 40 of 80 ms."""
     tick = [0]
 
@@ -217,7 +217,7 @@ def bus_lost_now_and_then(injector: FaultInjector) -> None:
 LOOP = "its counters run back when the 200 ms start again"
 LOOPED = "values repeat when the 200 ms start again, and are recognised within another 200 ms"
 SHARE = "one lost frame is no fault: only the share of lost frames counts"
-ASKED = "the effect is small while little or constant torque is commanded"
+SMALL = "the effect is small while little or constant torque is commanded"
 WARM = "noticed once it is colder than all other motors by `colder_c`"
 INTERMITTENT = (
     FaultKind("IMU replays 200 ms with their counters", imu_replayed(), 0.35, LOOP, main=True),
@@ -226,11 +226,13 @@ INTERMITTENT = (
     FaultKind("IMU silent 40 of 80 ms", _intermittent(0.04, 0.08, _imu_silent), SOON_S, SHARE, main=True),
     FaultKind("IMU frozen 30 of 60 ms", _imu_frozen(0.03, 0.06), 1.0, SHARE, main=True),
     FaultKind("motor silent 40 of 80 ms", _intermittent(0.04, 0.08, _motor_silent), SOON_S, SHARE, main=True),
-    FaultKind("a bus's replies lost 40 of 80 ms", bus_lost_now_and_then, SOON_S, SHARE),
-    FaultKind("motor limp 30 of 200 ms", _intermittent(0.03, 0.2, _limp), None, ASKED, main=True),
+    FaultKind("a bus's replies lost 40 of 80 ms", bus_lost_intermittently, SOON_S, SHARE),
+    FaultKind(
+        "motor without torque 30 of 200 ms", _intermittent(0.03, 0.2, _without_torque), None, SMALL, main=True
+    ),
     FaultKind("half of one motor's commands lost", half_of_commands_lost, SOON_S, SHARE, main=True),
     FaultKind("half of all commands lost", commands_dropped(0.5), SOON_S, SHARE),
-    FaultKind("motor obeys no new command", repeats_first_command, None, ASKED, main=True, observed_s=5.0),
+    FaultKind("motor keeps an old command", repeats_first_command, None, SMALL, main=True, observed_s=5.0),
     FaultKind(
         "bits flipped in 5 % of the commands", commands_flipped(0.05), None, SHARE, main=True, observed_s=4.0
     ),

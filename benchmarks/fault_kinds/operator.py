@@ -44,6 +44,6 @@ def _damp(injector: FaultInjector) -> None:
 
 OPERATOR = (
     FaultKind("the operator falls silent", _silent, None, ORDERLY, main=True, observed_s=6.0),
-    FaultKind("a stop from outside", _stop, 0.01, main=True),
-    FaultKind("a stop from outside that damps", _damp, 0.01, main=True),
+    FaultKind("external stop", _stop, 0.01, main=True),
+    FaultKind("external stop with damping", _damp, 0.01, main=True),
 )

@@ -78,7 +78,7 @@ POLICY = (
     FaultKind("policy raises", decides(raises), 0.03, main=True),
     FaultKind("policy returns nothing", decides(lambda *_: None), 0.03),
     FaultKind(
-        "policy decides for one joint too few",
+        "policy's command lacks a joint",
         decides(lambda _, decision: JointCommand(*(part[:-1] for part in decision))),
         0.03,
     ),
@@ -86,8 +86,8 @@ POLICY = (
     FaultKind("policy: kd of 1e300", filled("kd", 1e300), None, LIMITED),
     FaultKind("policy: torque of 1e9", filled("torque", 1e9), None, LIMITED),
     FaultKind("policy: position of 1e9", filled("position", 1e9), None, LIMITED),
-    FaultKind("policy from limit to limit", decides(_bang_bang), None, LIMITED, main=True),
-    FaultKind("policy at random", decides(_random), None, LIMITED, main=True),
+    FaultKind("policy alternates between the limits", decides(_bang_bang), None, LIMITED, main=True),
+    FaultKind("policy's commands are random", decides(_random), None, LIMITED, main=True),
     FaultKind("the velocity command raises", _command_raises, 0.03),
     FaultKind(
         "the velocity command is not a number",

@@ -172,9 +172,7 @@ def _error_once(injector: FaultInjector) -> None:
 
 WAY = "a joint has to move for a while before its readings contradict each other"
 NEAR_ZERO = "near zero a position is almost the same with either sign; noticed once the joint moves"
-BARELY = (
-    "a joint that swings by a hundredth of a radian hardly changes its reading; noticed once it moves more"
-)
+BARELY = "a swing of 0.01 rad is close to the resolution of the readings; noticed once the joint moves more"
 EXPLAINED = "a torque error that readings 30 ms late would explain does not count"
 ALIKE = "two joints at similar positions have similar readings until they move differently"
 STEADY = "a motor under a constant command may report constant values; noticed once the command changes"
@@ -195,16 +193,16 @@ REPLIES = (
     *(FaultKind(f"motor reports error {code}", error(code), 0.01, main=code == 2) for code in range(1, 7)),
     FaultKind("motor reports an unknown error", error(99), 0.01),
     FaultKind("motor reports an error in one reply", _error_once, 0.01),
-    FaultKind("one reply over and over", stuck, SLOW_S, WAY, main=True),
+    FaultKind("one reply repeated", stuck, SLOW_S, WAY, main=True),
     FaultKind("position frozen", _row_frozen(0), None, BARELY, main=True),
     FaultKind("velocity frozen", _row_frozen(1), None, BARELY),
     FaultKind("velocity zero", _zeroed(1), None, BARELY),
-    FaultKind("velocity's sign turned round", _negative(1), SLOW_S, WAY),
+    FaultKind("velocity's sign reversed", _negative(1), SLOW_S, WAY),
     FaultKind("velocity doubled", _values(_doubled_speed), None, BARELY),
-    FaultKind("position's sign turned round", _negative(0), SLOW_S, NEAR_ZERO),
+    FaultKind("position's sign reversed", _negative(0), SLOW_S, NEAR_ZERO),
     FaultKind("torque zero", _zeroed(2), None, EXPLAINED),
     FaultKind("torque frozen", _row_frozen(2), None, STEADY),
-    FaultKind("torque's sign turned round", _negative(2), None, EXPLAINED),
+    FaultKind("torque's sign reversed", _negative(2), None, EXPLAINED),
     FaultKind("encoder jumps by 0.3 rad", position_off(lambda _: 0.3), main=True),
     FaultKind("encoder jumps by 1 rad", position_off(lambda _: 1.0)),
     FaultKind("encoder jumps by a turn", position_off(lambda _: 2 * np.pi), main=True),

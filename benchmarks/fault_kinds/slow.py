@@ -48,7 +48,7 @@ DRIFTING = "velocity noise hides a slow drift until it has added up for seconds"
 LEANS = "steps shake an accelerometer: only its mean over seconds is compared"
 SLOW = (
     FaultKind(
-        "attitude leans by 0.1 rad/s, its gyro alike",
+        "attitude and gyro drift alike, by 0.1 rad/s",
         leaning_ahrs(0.1),
         None,
         LEANS,

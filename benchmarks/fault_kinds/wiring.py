@@ -81,7 +81,7 @@ def _rows(lying: bool) -> tuple[FaultKind, ...]:
         return FaultKind(title, inject, within_s, reason, main=True, starting=True, wiring=True, lying=lying)
 
     return (
-        row("wired rightly", lambda _: None, None, RIGHT),
+        row("correct wiring", lambda _: None, None, RIGHT),
         row("plugs of two buses exchanged", two_buses),
         row("plugs of two legs exchanged", two_legs),
         row("two motors of a leg exchanged", two_motors(True)),

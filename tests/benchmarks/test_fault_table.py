@@ -53,7 +53,7 @@ def test_a_run_reports_faults_their_times_and_sent_commands(
     ("kind", "message"),
     [
         ("robot on its side", "tilt of 1.57 rad exceeds the limit of 1.05 rad, by the IMU"),
-        ("IMU askew by 15 degrees", "the IMU: at the start its acceleration differs from its quaternion"),
+        ("IMU tilted by 15 degrees", "the IMU: at the start its acceleration differs from its quaternion"),
         ("acceleration in units of g", "gravity by 90%"),
         ("acceleration frames lost", "no answer from the IMU (acceleration) within 1 s"),
         ("gyro off by 2 rad/s", "at rest for 0.05 s before it gets stiffness: the IMU's gyro reads 2.0"),

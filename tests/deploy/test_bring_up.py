@@ -337,7 +337,7 @@ class TestLadder:
     @pytest.mark.parametrize(
         ("steps", "inject", "message"),
         [
-            (["hold"], FAULTS["motor pulls the other way"], "pulls the other way"),
+            (["hold"], FAULTS["motor's torque reversed"], "pulls the other way"),
             (["hold"], FAULTS["ids of two motors swapped"], "outside its range"),
             (["hold"], no_power, "no torque"),
             (["hold"], FAULTS["motor at 90 degrees Celsius"], "90 degrees Celsius"),

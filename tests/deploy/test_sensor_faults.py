@@ -39,13 +39,18 @@ NAMED = [
     ("quaternion off by 30 degrees", 0, "the IMU: its quaternion turned by", 0.05),
     ("position frozen", 4, "FL_thigh_joint (can1, id 2): its position ", 0.3),
     ("torque frozen", 5, f"FL_calf_joint (can1, id 3): {REPEATS}", 0.3),
-    ("acceleration's signs turned round", 0, "the IMU: on average its acceleration is off gravity by", 0.6),
+    ("acceleration's signs reversed", 0, "the IMU: on average its acceleration is off gravity by", 0.6),
     ("encoder jumps by 0.3 rad", 10, "RL_thigh_joint (can3, id 2): its position changed", 0.05),
     ("ids of two motors swapped", 0, "FR_", 0.05),
-    ("one reply over and over", 5, f"FL_calf_joint (can1, id 3): {REPEATS} | repeats", 0.2),
+    ("one reply repeated", 5, f"FL_calf_joint (can1, id 3): {REPEATS} | repeats", 0.2),
     # A rebooted motor reports a torque of zero again and again.
-    ("one motor rebooted: limp, but replies", 2, f"FR_calf_joint (can0, id 3): {REPEATS} | no torque", 0.3),
-    ("motor pulls the other way", 8, "RR_calf_joint (can2, id 3): the other way | off its commands", 0.4),
+    (
+        "one motor rebooted: replies without torque",
+        2,
+        f"FR_calf_joint (can0, id 3): {REPEATS} | no torque",
+        0.3,
+    ),
+    ("motor's torque reversed", 8, "RR_calf_joint (can2, id 3): the other way | off its commands", 0.4),
     ("motor at 90 degrees Celsius", 6, "RR_hip_joint (can2, id 1): the motor is at 90 degrees", 0.03),
 ]
 
