@@ -7,13 +7,12 @@ import pytest
 from deploy_policies import Hold, short_episode
 from some_motors import MAKERS, with_motors
 
+from footfall import Robot, run_episode
 from footfall.deploy.battery import BatteryLimits, BatteryMonitor, BatteryState
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
-from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.battery import Battery
-from footfall.robots.description import Robot
 
 PERIOD_S, MOTORS = 0.05, 12
 STILL = np.zeros((3, MOTORS))

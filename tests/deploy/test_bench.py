@@ -10,13 +10,12 @@ import pytest
 from some_motors import with_motors
 from watched_simulation import Simulation
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.deploy.bench import PERIOD_US, Bench, disabled_afterwards
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.scan import Found, expected, scan
 from footfall.deploy.wiring import Wiring
-from footfall.robots.description import Robot
 
 
 class OnStand(Simulation):

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.estimation.config import ContactConfig, FilterConfig, GyroConfig, OdometryConfig
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.deploy.wiring_check.config import WiringCheckConfig
-from footfall.robots.description import Robot
 
 # Files with these settings are refused: a figure is out of its range, or figures contradict each other.
 REFUSED = (

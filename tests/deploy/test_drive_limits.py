@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from some_motors import MAKERS, introduce, with_motors
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
-from footfall.robots.description import Robot
 
 LIMITS = {"RobStride": "torque", "moteus": "torque", "ODrive": "current"}
 

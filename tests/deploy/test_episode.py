@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, Sway, short_episode
 
+from footfall import Robot, Trace, run_episode
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.domain_rand.noise import Noise
-from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.plant.trace import Trace
-from footfall.robots.description import Robot
 
 
 @pytest.fixture(scope="module")

@@ -12,14 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up import bodies
 
+from footfall import Robot, load_policy, load_robot
 from footfall.common.rotations import heading, multiply
 from footfall.deploy.estimation.config import EstimatorConfig, GyroConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.deploy.estimation.odometry import YAW, Odometry
 from footfall.policies.controllers.walk import Walk as Generator
 from footfall.policies.policy import Sensed
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import imu_position
 from footfall.robots.rigid_body import nominal_body
 

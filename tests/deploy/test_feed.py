@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from deploy_policies import Hold
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.deploy.log import McapLog
 from footfall.deploy.log_file import read_log
 from footfall.deploy.modes import Mode
@@ -25,7 +25,6 @@ from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.safety import State
 from footfall.deploy.telemetry.feed_reader import FeedMessage, FeedReader
 from footfall.policies.policy import Sensed
-from footfall.robots.description import Robot
 
 START_NS = 1_700_000_000_000_000_000
 LATCHED = {"/robot_description", "/tf_static", "/state", "/motor_health"}

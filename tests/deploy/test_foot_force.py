@@ -10,7 +10,7 @@ import yaml
 from foot_sensors import equipped
 from some_motors import frame
 
-from footfall.common.errors import UserError
+from footfall import Episode, Robot, Trace, UserError, load_policy, load_robot, run_episode
 from footfall.deploy.drivers import foot_force
 from footfall.deploy.drivers.choice import filters_of, open_driver
 from footfall.deploy.drivers.foot_force import FootForceReader
@@ -22,11 +22,7 @@ from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.locomotion import LocomotionEnv
-from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.plant.trace import Trace
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot, load_robot
 from footfall.train.config import load_preset
 
 Distortion = Callable[[SimulatedRobot], None]

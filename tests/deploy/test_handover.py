@@ -7,18 +7,15 @@ import numpy as np
 import pytest
 from deploy_policies import Hold
 
-from footfall.common.errors import UserError
+from footfall import Episode, Robot, UserError, load_policy, run_episode
 from footfall.deploy.changes import Change
 from footfall.deploy.command_source import Request, Status, Stop
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.field_mode import FieldMode
 from footfall.deploy.handover import Handover, HandoverConfig, blended
 from footfall.deploy.replay import replay
-from footfall.plant.episode import Episode, run_episode
 from footfall.policies.policy import PolicyInput, Sensed
-from footfall.policies.registry import load_policy
 from footfall.robots.actuator import JointCommand, pd_torque
-from footfall.robots.description import Robot
 
 QUICK = HandoverConfig(still_s=0.1, wait_s=0.2, blend_s=0.1)
 TICK_US = 2000

@@ -12,12 +12,11 @@ from deploy_policies import FailingPolicy, Hold, stand_still
 from relaxed_limits import RELAXED
 from watched_simulation import Simulation, motor_commands
 
+from footfall import JointCommand, Robot
 from footfall.deploy.deadline import OverdueError, deadlines
 from footfall.deploy.frames import Frames
 from footfall.deploy.guard import Guard
 from footfall.deploy.session import Session, run_session
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 
 CONFIG = replace(
     RELAXED, joint_rate_hz=100.0, stand_s=0.3, safety=replace(RELAXED.safety, late_limit_s=0.3, damping_s=0.2)

@@ -11,16 +11,13 @@ from deploy_policies import short_episode
 from scipy.spatial.transform import Rotation
 from shell import Shell
 
+from footfall import UserError, load_policy, load_robot, run_episode
 from footfall.common.config import structure
-from footfall.common.errors import UserError
 from footfall.deploy.log_analysis.columns import read_columns
 from footfall.deploy.log_analysis.recorded_csv import ColumnMap, read_csv
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
-from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.policies.registry import load_policy
-from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
 JOINTS = ROBOT.joint_names

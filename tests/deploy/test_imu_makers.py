@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.drivers import vectornav, xbus
 from footfall.deploy.drivers.choice import open_imu
@@ -21,7 +21,6 @@ from footfall.deploy.serial_line import SerialLine, WithSerialLine, port_of
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.imu_ends import open_imu_end
 from footfall.robots.checks import inconsistencies
-from footfall.robots.description import Robot
 
 PORT = "serial:/dev/ttyUSB0"
 BUS_OF = {"vectornav": PORT, "xsens": PORT, "xsens-can": "can0"}

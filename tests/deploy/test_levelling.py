@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from footfall import Episode, Robot, load_policy, load_robot, run_episode
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.postures import Postures
 from footfall.domain_rand.noise import Noise
-from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.readings import Sensed
 
 SAMPLE = {"com_offset_m": np.array([0.03, 0.0, 0.01]), "payload_kg": 4.0}

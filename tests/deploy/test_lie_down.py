@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, not_a_number, short_episode
 
-from footfall.common.errors import UserError
+from footfall import Policy, Robot, Trace, UserError, load_policy, load_robot, run_episode
 from footfall.common.rotations import tilt
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
@@ -18,14 +18,9 @@ from footfall.deploy.modes import HELD, Mode
 from footfall.deploy.pose_path import PosePath
 from footfall.deploy.postures import Ending, Postures
 from footfall.deploy.wiring import wiring_of
-from footfall.plant.episode import run_episode
 from footfall.plant.injection import InjectingPolicy
 from footfall.plant.robot import PlantConfig, SimulatedRobot
-from footfall.plant.trace import Trace
 from footfall.plant.wires import SimulatedWires
-from footfall.policies.policy import Policy
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot, load_robot
 
 CONFIG = DeployConfig()
 POSED = (Mode.STANDING, Mode.LOWERING)

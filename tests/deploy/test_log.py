@@ -18,7 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 from mutate import mutated, mutated_records
 from walking_run import eventually
 
-from footfall.common.errors import UserError
+from footfall import Robot, Trace, UserError, run_episode
 from footfall.deploy import log as log_module
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
@@ -29,10 +29,7 @@ from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
 from footfall.deploy.telemetry.topics import TOPICS
-from footfall.plant.episode import run_episode
-from footfall.plant.trace import Trace
 from footfall.policies.policy import Sensed
-from footfall.robots.description import Robot
 
 UNHURRIED = DeployConfig(stand_s=0.4, joint_rate_hz=250.0)
 

@@ -11,6 +11,7 @@ from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from footfall import JointCommand, Robot
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
@@ -27,8 +28,6 @@ from footfall.deploy.telemetry.messages import text
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.policies.live_settings import Applied
 from footfall.policies.policy import PolicyInput, Sensed
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 
 CAN_FRAMES = "can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"  # not of ROS itself
 

@@ -11,16 +11,15 @@ from hypothesis.extra import numpy as arrays
 from reports import report
 from some_motors import MAKERS, introduce, two_motors, with_motors
 
+from footfall import Robot, run_episode
 from footfall.deploy.drivers import damiao, robstride
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.wiring import Wiring, wiring_of
-from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.robot import SimulatedRobot
-from footfall.robots.description import Robot
 
 MIT, DAMIAO, ROBSTRIDE, ODRIVE = (
     two_motors(*models)

@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from reports import report
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.mit import MitMotorEnd
-from footfall.robots.description import Robot
 
 PROTOCOLS = list(mit.RANGES)
 CODEC = mit.Codec(PROTOCOLS)

@@ -10,18 +10,16 @@ import pytest
 from deploy_policies import Hold, short_episode
 from some_motors import hexed, two_motors, with_motors
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError, run_episode
 from footfall.deploy.drivers import moteus
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.moteus import Subframe, subframes
 from footfall.deploy.drivers.moteus_driver import TURN
 from footfall.deploy.frames import EXTENDED, FD, Frames
 from footfall.deploy.log_analysis.candump import write_candump
-from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Report
 from footfall.plant.motors import SimulatedMotors
-from footfall.robots.description import Robot
 
 TWO = two_motors("moteus", "moteus")
 PER_RAD = np.array([1000.0, 60.0]) / TURN  # its configured gains, N m/rad and N m s/rad

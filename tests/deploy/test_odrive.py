@@ -10,19 +10,16 @@ from reports import report
 from some_motors import MAKERS, frame, two_motors, with_motors
 from some_motors import hexed as contents
 
+from footfall import JointCommand, Policy, Robot, run_episode
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import odrive
 from footfall.deploy.drivers.odrive_driver import OdriveDriver
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety_config import SafetyConfig
-from footfall.plant.episode import run_episode
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.motor_ends.odrive import OdriveMotorEnd
 from footfall.plant.robot import SimulatedRobot
-from footfall.policies.policy import Policy
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 
 TURN = 6.283185307179586
 TWO = two_motors("ODrive", "ODrive", gear_ratio=(1.0, 8.0))

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, short_episode
 
+from footfall import Episode, Push, Robot, load_policy, run_episode
 from footfall.common.rotations import rotation_matrix
 from footfall.deploy.loop import ControlLoop
 from footfall.evaluate.scenarios import load_scenarios
-from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot
 
 
 def without_orientation(robot: Robot) -> Robot:

@@ -11,7 +11,7 @@ from own_drivers import OwnDriver, OwnImu
 from some_motors import two_motors
 from watched_simulation import Simulation
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import filters_of, open_driver, open_imu
 from footfall.deploy.drivers.driver import Replies
@@ -19,7 +19,6 @@ from footfall.deploy.frames import no_frames
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.imu_ends import open_imu_end
-from footfall.robots.description import Robot
 
 MOTOR, IMU = "own_drivers:OwnDriver", "own_drivers:OwnImu"
 

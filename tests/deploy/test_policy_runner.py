@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, stand_still
 
-from footfall.common.errors import UserError
+from footfall import JointCommand, Robot, UserError
 from footfall.deploy import policy_runner
 from footfall.deploy.battery import NO_BATTERY
 from footfall.deploy.command_source import VelocityFunction, source_of
@@ -17,8 +17,6 @@ from footfall.deploy.handover import Handover
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.steering import Steering
 from footfall.policies.policy import PolicyInput, Sensed
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 
 READINGS = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), *np.zeros((3, 12)))
 ESTIMATE = (np.array([0.1, 0.2, 0.3]), 0.3)

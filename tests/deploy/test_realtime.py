@@ -11,12 +11,10 @@ from deploy_policies import FailingPolicy, Hold, short_episode, slow, stand_stil
 from multicast import robot_on_multicast
 from relaxed_limits import RELAXED
 
+from footfall import JointCommand, Robot, run_episode
 from footfall.deploy.session import Session, run_on_interface
-from footfall.plant.episode import run_episode
 from footfall.plant.robot import PlantConfig
 from footfall.plant.serve import serving
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 
 UNHURRIED = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.4)
 SHORT = Session(stand_still, 0.4, config=UNHURRIED, lie_down=False)

@@ -11,6 +11,7 @@ from deploy_policies import Hold, short_episode
 from frame_robot import FrameRobot
 from loops import loop_of, until
 
+from footfall import JointCommand, PolicyInput, Robot, run_episode
 from footfall.deploy.command_source import Behaviour, Request, Status, Stop
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
@@ -20,11 +21,7 @@ from footfall.deploy.recovery_config import RecoveryConfig
 from footfall.deploy.replay import replay
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_checks.table import SensorLimits
-from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.policies.policy import PolicyInput
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 
 QUICK = RecoveryConfig(tries=2, try_s=0.5, unfold_s=0.0, wait_s=2.0, rest_s=0.1, stand_s=0.1)
 # The fake robot turns at once: its gyro and its acceleration do not follow.

@@ -15,7 +15,7 @@ from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from footfall.common.errors import UserError
+from footfall import JointCommand, Robot, UserError, load_robot
 from footfall.deploy.log import McapLog
 from footfall.deploy.log_numbers import flatten
 from footfall.deploy.log_records import Kind, record
@@ -25,8 +25,6 @@ from footfall.deploy.replay import replay
 from footfall.deploy.telemetry.definitions import definition
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.policies.policy import PolicyInput, Sensed
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot, load_robot
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
 ZEROS = np.zeros(12)

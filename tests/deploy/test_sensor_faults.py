@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 from injected import FAULTS, Injected
 
+from footfall import Episode, Push, Robot, load_policy, run_episode
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import DAMPED, Mode
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.domain_rand.sample import draw
-from footfall.plant.episode import Episode, Push, run_episode
 from footfall.plant.injection import FaultInjector
 from footfall.plant.robot import PlantConfig
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot
 
 AT_S = 0.5  # of walking, when a fault begins
 NOISE = Noise(joint_position=0.002, joint_velocity=0.1, gyro=0.02, gravity=0.005)

@@ -14,7 +14,7 @@ from deploy_policies import Hold, stand_still
 from frame_robot import TICK_US, FrameRobot, Notebook
 from relaxed_limits import RELAXED
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError, load_robot
 from footfall.deploy import drive, session
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.config import DeployConfig
@@ -29,7 +29,6 @@ from footfall.deploy.session import Session, run_on_interface, run_session
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.policies.contract import Contract
-from footfall.robots.description import Robot, load_robot
 
 
 class TestSignals:

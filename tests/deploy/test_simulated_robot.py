@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from plant_bodies import body_of
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.domain_rand.sample import Sample
-from footfall.robots.description import Robot
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

@@ -12,7 +12,7 @@ import pytest
 from deploy_policies import Hold, stand_still
 from relaxed_limits import RELAXED
 
-from footfall.common.errors import UserError
+from footfall import JointCommand, PolicyInput, Robot, UserError, load_robot
 from footfall.deploy.frames import Frames, joined
 from footfall.deploy.session import Session, run_on_interface
 from footfall.deploy.stop_inputs.frame import StopFrameBus
@@ -21,9 +21,6 @@ from footfall.deploy.stop_inputs.open import stop_inputs
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.robot import PlantConfig
 from footfall.plant.serve import serving
-from footfall.policies.policy import PolicyInput
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.stop_inputs import StopFrame, StopInputs, StopKey
 
 FRAME = StopFrame("can1", 0x7F0, heartbeat_s=0.2)

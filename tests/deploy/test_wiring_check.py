@@ -11,7 +11,7 @@ from deploy_policies import Hold
 from fault_kinds.wiring import geared, imu_turned
 from injected import Injected
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError, load_robot
 from footfall.deploy.config import deploy_config
 from footfall.deploy.session import SessionResult
 from footfall.deploy.wiring import wiring_of
@@ -24,7 +24,6 @@ from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.injection import FaultInjector
 from footfall.plant.robot import PlantConfig
-from footfall.robots.description import Robot, load_robot
 
 NOISE = Noise(joint_position=0.0005, joint_velocity=0.02, gyro=0.005, gravity=0.002)
 PROOF = [Verdict("", 0.05, 0.1)]

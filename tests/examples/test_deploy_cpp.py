@@ -11,12 +11,11 @@ import pytest
 from tiny_policy import write_network
 from user_folder import EXAMPLES
 
+from footfall import PolicyInput, Robot, load_robot
 from footfall.policies.contract import Contract
 from footfall.policies.learned import LearnedPolicy
 from footfall.policies.observation import observation_size
-from footfall.policies.policy import PolicyInput
 from footfall.policies.registry import ZOO
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.readings import Sensed
 
 HEADER_FOLDERS = (

@@ -4,9 +4,7 @@ import numpy as np
 from half_rate import half_rate
 from user_folder import UserFolder
 
-from footfall.plant.episode import Episode, run_episode
-from footfall.policies.registry import load_policy
-from footfall.robots.description import load_robot
+from footfall import Episode, load_policy, load_robot, run_episode
 
 
 def test_the_base_sinks_and_rises_while_all_feet_stand(user_folder: UserFolder) -> None:

@@ -10,13 +10,11 @@ import pytest
 from recorder import Recorder
 from shell import Shell
 
+from footfall import EvaluationConfig, Push, load_robot
 from footfall.evaluate import api, suite
-from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
 from footfall.operate.missions.run import mission_run
-from footfall.plant.episode import Push
-from footfall.robots.description import load_robot
 
 WALK = (Waypoint(0.0, forward_m_s=0.5),)
 SHORT = ScenarioFile(

@@ -13,11 +13,10 @@ from mcap.reader import make_reader
 from quick_relaxed import QUICK
 from shell import Shell
 
+from footfall import Robot, run_episode
 from footfall.deploy.log_analysis.continuity import continuity
 from footfall.deploy.log_file import read_log
 from footfall.deploy.telemetry.topics import TOPICS
-from footfall.plant.episode import run_episode
-from footfall.robots.description import Robot
 
 FIRST_NS = 10**18
 

@@ -12,14 +12,13 @@ from deploy_policies import Hold, short_episode
 from rich.console import Console
 from scipy.spatial.transform import Rotation
 
+from footfall import Robot, run_episode
 from footfall import live_state as module
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.timing import Timing
 from footfall.live_state import describe, live_state
-from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.robots.description import Robot
 
 
 def walk(robot: Robot, console: Console) -> None:

@@ -13,12 +13,11 @@ from deploy_policies import Hold
 from ports import free_port
 from websockets.sync.client import ClientConnection, connect
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.deploy.log import McapLog
 from footfall.deploy.receiver import MotorHealth
 from footfall.operate.foxglove import foxglove_served
 from footfall.policies.policy import Sensed
-from footfall.robots.description import Robot
 
 pytest.importorskip("foxglove")
 WAIT_S = 20.0

@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from footfall import Episode, Robot, load_policy, run_episode
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.config import deploy_config
 from footfall.operate.abilities import abilities_of
 from footfall.operate.missions.mission import mission_of
 from footfall.operate.missions.source import MissionSource
-from footfall.plant.episode import Episode, run_episode
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot
 
 
 def test_a_mission_steers_the_robot_and_ends_the_run(go1: Robot) -> None:

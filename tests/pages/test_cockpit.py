@@ -14,11 +14,10 @@ import pytest
 from ports import free_port
 from walking_run import WALKING, eventually
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.deploy.modes import Mode
 from footfall.operate.inbox import Inbox
 from footfall.pages.cockpit.freshness import MAX_ANSWER_S, Freshness
-from footfall.robots.description import Robot
 
 pytest.importorskip("websockets")
 

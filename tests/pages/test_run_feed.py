@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 from walking_run import eventually
 
+from footfall import Episode, Robot, load_policy, load_robot, run_episode
 from footfall.deploy.config import deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.pages.cockpit.joints import JointNames, joint_figures
 from footfall.pages.run_feed import RunFeed, moment, sensed
-from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.readings import Sensed
 
 PATIENCE_S = 30.0

@@ -8,18 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from footfall import Episode, Robot, run_episode
 from footfall.pages import walk
 from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.moment import Moment
 from footfall.pages.newest_policy import NewestPolicy
 from footfall.pages.snapshots import NEWEST, Snapshot
 from footfall.pages.walk import Pace, Walk
-from footfall.plant.episode import Episode, run_episode
 from footfall.policies.learned import open_network
 from footfall.policies.observation import observation_size
 from footfall.policies.registry import ZOO
 from footfall.robots.commands import CommandRange
-from footfall.robots.description import Robot
 from footfall.train.runs.folder import open_run
 
 POLICY = ZOO / "go1-flat" / "policy.onnx"

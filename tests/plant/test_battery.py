@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from plant_bodies import body_of
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError
 from footfall.plant.battery import SimulatedBattery
 from footfall.plant.motor_ends.motor_end import DEFAULT_SUPPLY
 from footfall.robots.battery import Battery
-from footfall.robots.description import Robot
 
 
 class Motors:

@@ -6,12 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from footfall.common.errors import UserError
+from footfall import Episode, Robot, UserError, load_policy, load_robot, run_episode
 from footfall.plant.engines.choice import open_engine
 from footfall.plant.engines.engine import Engine
-from footfall.plant.episode import Episode, run_episode
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import read_plant
 
 BLOCK = """

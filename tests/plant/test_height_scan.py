@@ -7,19 +7,17 @@ import numpy as np
 import pytest
 from tiny_policy import write_network
 
+from footfall import Episode, Robot, Trace, run_episode
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.replay import replay
 from footfall.domain_rand.height_scan import HeightScanErrors
-from footfall.plant.episode import Episode, run_episode
 from footfall.plant.height_scan import SimulatedScanner
 from footfall.plant.robot import SimulatedRobot
-from footfall.plant.trace import Trace
 from footfall.policies.contract import Contract, Term
 from footfall.policies.height_scan import HeightScan
 from footfall.policies.learned import LearnedPolicy
 from footfall.policies.observation import observation_size
-from footfall.robots.description import Robot
 from footfall.terrain.declaration import load_ground
 from footfall.terrain.ground import Ground
 

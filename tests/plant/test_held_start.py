@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold
 
+from footfall import Episode, JointCommand, Robot, run_episode
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
-from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 
 COMMAND = np.array([0.4, 0.0, 0.1])
 

@@ -12,7 +12,7 @@ import pytest
 from deploy_policies import Hold, short_episode
 from scipy.spatial.transform import Rotation
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError, run_episode
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.log_file import read_log
 from footfall.domain_rand.distributions import Distribution
@@ -24,11 +24,9 @@ from footfall.envs.actuation import Actuation
 from footfall.envs.config import ObservationConfig
 from footfall.envs.contract import make_contract
 from footfall.envs.observe import Observer
-from footfall.plant.episode import run_episode
 from footfall.plant.sensors import IMU, MOTORS, Layout, SimulatedSensors
 from footfall.policies.observation import TERMS, reading_term
 from footfall.robots import kinds
-from footfall.robots.description import Robot
 from footfall.robots.kinds import Parts
 from footfall.robots.model import training_model
 from footfall.robots.readings import (

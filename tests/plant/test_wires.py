@@ -9,14 +9,13 @@ import pytest
 from deploy_policies import Hold, short_episode
 from memory import memory_growth
 
+from footfall import Robot, run_episode
 from footfall.deploy.frames import EXTENDED, Frames, frame_bits
 from footfall.deploy.loop import ControlLoop
 from footfall.plant.bus import SimulatedBus
-from footfall.plant.episode import run_episode
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wire_faults import FaultyWires, WireFaults
 from footfall.plant.wires import Side, SimulatedWires
-from footfall.robots.description import Robot
 
 
 def frames(*channels: int, length: int = 8) -> Frames:

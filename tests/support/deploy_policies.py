@@ -5,13 +5,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from footfall import Episode, JointCommand, PolicyInput, Robot
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.safety import SafetyConfig
-from footfall.plant.episode import Episode
 from footfall.policies.contract import Contract
-from footfall.policies.policy import PolicyInput
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 
 
 class Hold:

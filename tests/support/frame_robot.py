@@ -5,15 +5,13 @@ from typing import Any
 import numpy as np
 from reports import report
 
+from footfall import JointCommand, PolicyInput, Robot
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Request, Requests
-from footfall.policies.policy import PolicyInput
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 
 TICK_US = 2000
 

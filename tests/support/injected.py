@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from fault_kinds import KINDS
 
+from footfall import Policy, Robot
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.session import Session, SessionResult, run_session
 from footfall.deploy.wiring import wiring_of
@@ -13,8 +14,6 @@ from footfall.plant.bus import SimulatedBus
 from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource, InjectingPolicy
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.wires import SimulatedWires
-from footfall.policies.policy import Policy
-from footfall.robots.description import Robot
 
 FAULTS = {kind.name: kind.inject for kind in KINDS}
 

@@ -9,6 +9,7 @@ import pytest
 from deploy_policies import stand_still
 from frame_robot import TICK_US, FrameRobot, Ticks
 
+from footfall import Policy, Robot
 from footfall.deploy.base_estimate import BaseEstimate, BaseState
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import LockstepClock
@@ -27,8 +28,6 @@ from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wires import SimulatedWires
-from footfall.policies.policy import Policy
-from footfall.robots.description import Robot
 
 
 class RealtimeTicks(LockstepClock):

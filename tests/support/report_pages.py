@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from traces import walk
 
+from footfall import EvaluationConfig, Robot, Trace, load_robot
 from footfall.evaluate.comparison import Comparison, PolicyResult
-from footfall.evaluate.config import EvaluationConfig
 from footfall.evaluate.plan import plan_episodes
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report.films import Film
@@ -16,8 +16,6 @@ from footfall.evaluate.report.page import render
 from footfall.evaluate.scenarios import load_scenarios
 from footfall.evaluate.statistics import wilson_interval
 from footfall.evaluate.suite import CourseWalk
-from footfall.plant.trace import Trace
-from footfall.robots.description import Robot, load_robot
 
 FILE = load_scenarios(load_robot("go1"))
 

@@ -6,8 +6,7 @@ import numpy as np
 from moments import policy_input
 from scipy.spatial.transform import Rotation
 
-from footfall.policies.policy import PolicyInput
-from footfall.robots.description import load_robot
+from footfall import PolicyInput, load_robot
 
 ROBOT = load_robot("go1")
 
