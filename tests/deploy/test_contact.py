@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_up import bodies
+from moments import UP, readings, under_load
 
 from footfall.deploy.estimation.config import ContactConfig
 from footfall.deploy.estimation.contact import ContactEstimator
@@ -14,23 +15,6 @@ from footfall.robots.description import Robot, load_robot
 from footfall.robots.rigid_body import nominal_body
 
 ROBOT = load_robot("go1")
-UP = np.array([0.0, 0.0, 1.0])
-
-
-def carried(robot: Robot, force: np.ndarray, acceleration: np.ndarray = 9.81 * UP) -> Sensed:
-    """Readings at rest in the default pose, with forces (legs, 3), N, on the feet; the limbs have weight."""
-    legs = robot.legs
-    jacobian = legs.pose(robot.default_pose).jacobian
-    torque = legs.holding_torque(robot.default_pose, acceleration) + legs.torque(jacobian, force)
-    still = np.zeros(3), acceleration, np.array([1.0, 0.0, 0.0, 0.0])
-    zero = np.zeros(len(robot.joint_names))
-    return Sensed(*still, robot.default_pose, zero, legs.scatter(torque, zero))
-
-
-def held_out(robot: Robot, pose: np.ndarray) -> Sensed:
-    """Readings at rest in any pose, motors off."""
-    zero = np.zeros_like(pose)
-    return Sensed(np.zeros(3), 9.81 * UP, np.array([1.0, 0.0, 0.0, 0.0]), pose, zero, zero)
 
 
 class TestContact:
@@ -49,7 +33,7 @@ class TestContact:
         return np.array(found)
 
     EVEN = 9.81 * nominal_body(ROBOT).mass / 4
-    SENSED = carried(ROBOT, np.outer(np.full(4, EVEN), UP))
+    SENSED = under_load(ROBOT, np.outer(np.full(4, EVEN), UP))
 
     def test_force_sensors_are_used_where_torques_nearly_agree(self) -> None:
         sensed = self.SENSED._replace(foot_force=self.EVEN * np.array([1.0, 0.75, 0.65, 0.55]))
@@ -76,7 +60,7 @@ class TestContact:
         """Trust is 0 below 0.2 of an even share of the weight, 1 above 0.8, and 0.5 in the middle."""
         robot = load_robot(name)
         even = 9.81 * nominal_body(robot).mass / robot.legs.count
-        sensed = carried(robot, np.tile(share * even * UP, (robot.legs.count, 1)))
+        sensed = under_load(robot, np.tile(share * even * UP, (robot.legs.count, 1)))
         found = self.after(robot, self.begun(robot, sensed), sensed, 200)
         np.testing.assert_allclose(found, trust, atol=0.01)
 
@@ -87,27 +71,27 @@ class TestContact:
         """
         robot = load_robot("hexapod")
         for acceleration in (9.81 * UP, np.array([10.0, -20.0, 60.0]), np.array([5.0, 5.0, -30.0])):
-            hanging = carried(robot, np.zeros((6, 3)), acceleration)
+            hanging = under_load(robot, np.zeros((6, 3)), acceleration)
             assert np.abs(hanging.joint_torque).max() > 0.1
             np.testing.assert_array_equal(self.after(robot, self.begun(robot, hanging), hanging, 100), 0.0)
 
     def test_a_stretched_leg_does_not_stop_the_estimate(self, tmp_path: Path) -> None:
         """If all links are in a line, no torque depends on a force along the line."""
         robot = bodies(tmp_path)["biped without ankles"]
-        straight = held_out(robot, np.zeros(6))
+        straight = readings(robot, joint=np.zeros(6))
         jacobian = robot.legs.pose(straight.joint_position).jacobian
         assert np.linalg.matrix_rank(jacobian[0]) == 2
         assert np.isfinite(self.after(robot, self.begun(robot, straight), straight, 3)).all()
 
     def test_a_plan_limits_trust(self) -> None:
-        standing = carried(ROBOT, np.tile(40.0 * UP, (4, 1)))
+        standing = under_load(ROBOT, np.tile(40.0 * UP, (4, 1)))
         plan = np.array([1.0, 0.5, 0.0, 1.0])
         found = self.after(ROBOT, self.begun(ROBOT, standing), standing, 200, plan)
         np.testing.assert_allclose(found, plan, atol=0.01)
 
     def test_trust_rises_slowly_and_falls_quickly(self) -> None:
         """After one time constant of 30 ms trust is 63 %. After the end of the force it falls sooner."""
-        standing, hanging = (carried(ROBOT, np.tile(f * UP, (4, 1))) for f in (40.0, 0.0))
+        standing, hanging = (under_load(ROBOT, np.tile(f * UP, (4, 1))) for f in (40.0, 0.0))
         contact = self.begun(ROBOT, standing)
         contact.probability = [0.0] * 4
         assert self.after(ROBOT, contact, standing, 15)[2] == pytest.approx(1 - np.exp(-1), abs=0.01)

@@ -11,6 +11,7 @@ from direct_plant import DirectPlant, walk
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up import bodies
+from moments import UP, under_load
 
 from footfall import Robot, load_policy, load_robot
 from footfall.common.rotations import heading, multiply
@@ -23,8 +24,6 @@ from footfall.robots.model import imu_position
 from footfall.robots.rigid_body import nominal_body
 
 ROBOT = load_robot("go1")
-UP = np.array([0.0, 0.0, 1.0])
-NO_YAW = np.array([1.0, 0.0, 0.0, 0.0])
 SURE_OF_THE_GYRO = GyroConfig(bias_half_s=1e6)  # the readings give the yaw rate, never the yaw
 
 
@@ -124,12 +123,8 @@ def test_the_estimate_follows_the_motion(walks: dict[str, Follower], kind: str) 
 
 def held(robot: Robot = ROBOT, share: float = 1.0) -> Sensed:
     """Level and at rest, with this share of an even load on each foot."""
-    legs, zero = robot.legs, np.zeros(len(robot.joint_names))
-    body = nominal_body(robot)
-    force = np.tile(share * 9.81 * body.mass / legs.count * UP, (legs.count, 1))
-    torque = legs.torque(legs.pose(robot.default_pose).jacobian, force)
-    torque += legs.holding_torque(robot.default_pose, 9.81 * UP)
-    return Sensed(np.zeros(3), 9.81 * UP, NO_YAW, robot.default_pose, zero, legs.scatter(torque, zero))
+    count = robot.legs.count
+    return under_load(robot, np.tile(share * 9.81 * nominal_body(robot).mass / count * UP, (count, 1)))
 
 
 def glide(

@@ -18,10 +18,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 def about(axis: str, angle: float) -> np.ndarray:
     """Rotation (3, 3) about x or y."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    if axis == "x":
-        return np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
-    return np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+    return np.array(Rotation.from_euler(axis, angle).as_matrix())
 
 
 class TestContactPoints:

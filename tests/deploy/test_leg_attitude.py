@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from moments import UP, under_load
 
 from footfall.deploy.leg_attitude import LegAttitude
 from footfall.deploy.sensor_checks.table import SensorLimits
@@ -12,7 +13,6 @@ from footfall.robots.description import Robot
 LIMITS = SensorLimits()
 LOOK_S = 0.04
 ALL = np.ones(4)
-LEVEL = np.array([0.0, 0.0, 1.0])
 
 
 def nose_up(angle: float) -> np.ndarray:
@@ -25,20 +25,16 @@ class Stander:
 
     def __init__(self, robot: Robot) -> None:
         self.robot, self.attitude = robot, LegAttitude(robot, LIMITS)
-        self.even_n = 9.81 * robot.legs.mass / robot.legs.count
 
-    def update(self, up: np.ndarray, position: np.ndarray | None = None, loads: np.ndarray = ALL) -> None:
-        legs = self.robot.legs
-        position = self.robot.default_pose if position is None else position
-        pressed = loads[:, None] * self.even_n * up
-        torque = legs.holding_torque(position, 9.81 * up) + legs.torque(legs.pose(position).jacobian, pressed)
-        joints = legs.scatter(torque, np.zeros(len(position)))
-        self.attitude.update(position, joints, up, LOOK_S)
+    def update(self, up: np.ndarray, loads: np.ndarray = ALL) -> None:
+        even_n = 9.81 * self.robot.legs.mass / self.robot.legs.count
+        sensed = under_load(self.robot, loads[:, None] * even_n * up, 9.81 * up)
+        self.attitude.update(sensed.joint_position, sensed.joint_torque, up, LOOK_S)
 
-    def looks(self, *args: object) -> LegAttitude:
+    def looks(self, up: np.ndarray) -> LegAttitude:
         """Update until the estimate has settled."""
         for _ in range(2 + round(LIMITS.resting_s / LOOK_S)):
-            self.update(*args)  # type: ignore[arg-type]
+            self.update(up)
         return self.attitude
 
 
@@ -63,8 +59,8 @@ def test_a_base_that_turns_without_its_legs_is_a_contradiction(stander: Stander,
 
 def test_three_other_feet_start_a_new_comparison(stander: Stander) -> None:
     three = np.array([1.0, 1.0, 1.0, 0.0])
-    stander.looks(LEVEL)
-    stander.update(nose_up(0.1), None, three)
+    stander.looks(UP)
+    stander.update(nose_up(0.1), three)
     assert stander.attitude.turn == 0.0
-    stander.update(nose_up(0.3), None, three)
+    stander.update(nose_up(0.3), three)
     assert stander.attitude.turn == pytest.approx(0.2, rel=1e-2)

@@ -32,6 +32,14 @@ def readings(
     )
 
 
+def under_load(robot: Robot, force: np.ndarray, acceleration: np.ndarray = 9.81 * UP) -> Sensed:
+    """Readings at rest in the default pose, with forces (legs, 3), N, on the feet; the limbs have weight."""
+    legs, pose = robot.legs, robot.default_pose
+    torque = legs.holding_torque(pose, acceleration) + legs.torque(legs.pose(pose).jacobian, force)
+    sensed = readings(robot, torque=legs.scatter(torque, np.zeros_like(pose)))
+    return sensed._replace(acceleration=acceleration)
+
+
 def policy_input(
     robot: Robot,
     time_s: float = 0.0,
