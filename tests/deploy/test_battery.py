@@ -53,9 +53,8 @@ def test_the_charge_is_right_with_wrong_resistance_and_current(go1: Robot, chemi
     pack.resistance, pack.reported_current = 1.2, 0.9
     errors = [pack.draw(6.0, 10.0).charge - pack.charge for _ in range(55)]
     assert pack.charge < 0.15
-    assert (
-        np.abs(errors).max() < {"lithium_ion": 0.06, IRON: 0.15}[chemistry]
-    )  # a flat curve determines the charge less
+    # a flat curve determines the charge less precisely
+    assert np.abs(errors).max() < {"lithium_ion": 0.06, IRON: 0.15}[chemistry]
 
 
 def test_limits_fall_with_the_charge_until_the_run_has_to_end(go1: Robot) -> None:

@@ -286,9 +286,8 @@ def test_a_scale_lowers_gains_and_torque_but_not_damping(go1: Robot) -> None:
     command[0], command[2], command[4] = 1.0, 1.0, 2.0
     for layer in (full, half):
         layer.command(command)
-    np.testing.assert_allclose(
-        half.sent[[2, 4]], 0.5 * full.sent[[2, 4]]
-    )  # also the feed-forward torque of a gait
+    # A gait's feed-forward torque is halved, too.
+    np.testing.assert_allclose(half.sent[[2, 4]], 0.5 * full.sent[[2, 4]])
     command[0], command[2], command[4] = go1.soft_limits[1], 400.0, 0.0
     half.command(command)
     torque = half.sent[2] * half.sent[0]

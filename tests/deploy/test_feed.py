@@ -62,9 +62,8 @@ def test_a_late_subscriber_gets_the_latched_part_then_all_bytes(log: McapLog, tm
         arriving = iter(reader)
         first: list[FeedMessage] = []
         while not {each.channel.topic for each in first} >= LATCHED:
-            first.append(
-                next(arriving)
-            )  # other messages may come first, if the process is slower than this one
+            # Other messages may come first if the process is slower than this one.
+            first.append(next(arriving))
         assert any(b"STANDING" in each.data for each in first if each.channel.topic == "/state")
         with ThreadPoolExecutor(1) as subscriber:  # reads while the run goes on, or its buffer may fill
             rest = subscriber.submit(list, arriving)

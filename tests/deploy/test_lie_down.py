@@ -85,9 +85,8 @@ class TestPostures:
         postures = Postures(go1, CONFIG, lie_down=True)
         postures.stand_up(go1.lying_pose + 0.05, LEVEL)
         assert not postures.on_legs(0.0, Mode.STANDING)
-        postures.stand_up(
-            np.tile([0.0, 1.2, -2.4], 4), LEVEL
-        )  # a crouch, in which the clearance is 48 % smaller
+        # In this crouch the clearance is 48 % smaller.
+        postures.stand_up(np.tile([0.0, 1.2, -2.4], 4), LEVEL)
         assert postures.on_legs(0.0, Mode.STANDING)
 
     @pytest.mark.parametrize(

@@ -149,9 +149,7 @@ class TestAddressing:
         backwards = self.replies(end, np.arange(12)[::-1])
         for _ in range(3):
             found = driver.replies(backwards)
-            np.testing.assert_allclose(
-                found.values[0], 0.1 * np.arange(12)[found.motor], atol=2e-4
-            )  # by either setting
+            np.testing.assert_allclose(found.values[0], 0.1 * np.arange(12)[found.motor], atol=2e-4)
 
     def test_motors_accept_complete_commands_of_their_bus(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends

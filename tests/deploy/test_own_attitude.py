@@ -20,9 +20,8 @@ class Blind:
     """An estimator that never gets a correct orientation; records the error of its tilt."""
 
     def __init__(self, plant: DirectPlant) -> None:
-        unknown = GyroConfig(
-            bias_half_s=1e6
-        )  # a gyro bias, so the orientations after the first one are wrong
+        # The orientations after the first one are wrong: the gyro has a bias.
+        unknown = GyroConfig(bias_half_s=1e6)
         self._plant = plant
         self._estimator = BaseEstimator(plant.robot, EstimatorConfig(own_attitude=True, gyro=unknown))
         self.tilt_errors: list[float] = []  # degrees

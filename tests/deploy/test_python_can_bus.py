@@ -187,8 +187,7 @@ class TestPythonCanBus:
         for _ in range(36):
             fake.ns += 10_000_000
             bus.fault()
-        assert [round((ns - begun_ns) / 1e8) for ns in read_ns] == (
-            [1] if reason else [1, 2, 3]
-        )  # a fault stays
+        # A fault stays, so the state is not read again.
+        assert [round((ns - begun_ns) / 1e8) for ns in read_ns] == ([1] if reason else [1, 2, 3])
         assert reason in bus.fault()
         assert (bus.fault() == "") == (reason == "")

@@ -104,11 +104,8 @@ class TestGravity:
 def test_a_level_robot_has_sunk_before_a_simulator_calls_it_fallen(name: str) -> None:
     """Otherwise a run could end in an orderly way after a fall that the robot did not notice."""
     robot = load_robot(name)
-    squat = {
-        "hip_pitch": -1.9,
-        "knee": 2.8,
-        "ankle_pitch": -0.9,
-    }  # of a biped with its knees at their limit
+    # A biped with its knees at their limit.
+    squat = {"hip_pitch": -1.9, "knee": 2.8, "ankle_pitch": -0.9}
     folded = robot.lying_pose
     if folded is None:
         folded = np.array(

@@ -173,9 +173,8 @@ class TestOpening:
         assert opened.kind == (29, 3, 1)  # AF_CAN, SOCK_RAW, CAN_RAW
         assert opened.address == ("can3",)
         assert opened.blocking is False
-        assert opened.options[101, 1] == struct.pack(
-            "=4I", 0x100, 0xC000_0780, 0x8200_0000, 0xDF00_0000
-        )  # SOL_CAN_RAW, CAN_RAW_FILTER
+        # SOL_CAN_RAW, CAN_RAW_FILTER
+        assert opened.options[101, 1] == struct.pack("=4I", 0x100, 0xC000_0780, 0x8200_0000, 0xDF00_0000)
         assert opened.options[101, 2] == 0x1FFF_FFFF  # every class of error frame
         assert opened.options[socket.SOL_SOCKET, 35] == 1
 

@@ -7,20 +7,8 @@ import yaml
 
 from footfall.robots.description import Robot, load_robot
 
-ORDER = [
-    7,
-    2,
-    11,
-    0,
-    5,
-    9,
-    4,
-    1,
-    10,
-    3,
-    8,
-    6,
-]  # order of the joints: none at its old position or beside its old neighbour
+# No joint is at its old position or beside its old neighbour.
+ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]
 
 
 @pytest.fixture

@@ -13,16 +13,14 @@ class TestEnergy:
         torque, velocity = np.zeros(12), np.zeros(12)
         torque[0], velocity[0] = 2.0, 3.0
         torque[5], velocity[5] = 1.0, -4.0
-        meter.add(
-            torque, velocity - 1.0, velocity + 1.0
-        )  # the mean of the velocities before and after counts
+        # The mean of the velocities before and after counts.
+        meter.add(torque, velocity - 1.0, velocity + 1.0)
         meter.add(0 * torque, velocity, velocity)
         first = meter.take()
         assert first.mechanical == pytest.approx((6.0 - 4.0) / 2)
         assert first.positive == pytest.approx(6.0 / 2)
-        hip, knee = (
-            0.17 / (0.105 * gear) ** 2 for gear in (6.0, 9.0)
-        )  # winding resistance, as seen at the joint
+        # Winding resistance, as seen at the joint
+        hip, knee = (0.17 / (0.105 * gear) ** 2 for gear in (6.0, 9.0))
         assert first.electrical == pytest.approx(1.0 + (hip * 4.0 + knee * 1.0) / 2)
         meter.add(0 * torque, velocity, velocity)
         assert meter.take().electrical == 0.0
