@@ -1,7 +1,5 @@
 """Which runs estimate the base's velocity and height, and from which sensors."""
 
-from typing import cast
-
 import numpy as np
 import pytest
 from deploy_policies import Hold
@@ -10,7 +8,6 @@ from loops import loop_of, simulated_loop, until, walk_for
 
 from footfall.deploy.base_estimate import BaseEstimate
 from footfall.deploy.modes import Mode
-from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
 
 
@@ -49,17 +46,3 @@ def test_a_known_state_replaces_an_estimate(go1: Robot, known: bool) -> None:
         [*seen.base_velocity, seen.base_height], [1, 2, 3, 0.4] if known else [np.nan] * 4
     )
     assert BaseEstimate(250.0).odometry(0) is None
-
-
-def test_the_pose_is_zero_when_the_policy_takes_over() -> None:
-    """The pose is that of the policy's first tick, because a mission counts from its first pose."""
-
-    class Walked(FakeEstimator):
-        def pose(self) -> tuple[float, float, float]:
-            return (0.0 if self.started else 0.02), 0.0, 0.0
-
-    estimate, sensed = BaseEstimate(250.0, Walked()), cast(Sensed, None)
-    estimate.reset(0, sensed)
-    assert estimate.pose(2_000).x_m == 0.02
-    estimate.start()
-    assert estimate.pose(4_000).x_m == 0.0

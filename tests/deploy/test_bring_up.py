@@ -29,8 +29,6 @@ from footfall.plant.injection import FaultInjector, Injection
 from footfall.plant.robot import PlantConfig
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
-from footfall.terrain.ground import Ground
-from footfall.verbs import bring_up
 
 CONFIG = BringUpConfig(hold_s=0.5, move_s=0.5, slew_s=0.3, walk_s=0.5)
 LOOP = DeployConfig(joint_rate_hz=250.0, stand_s=0.3, pose_rate_rad_s=3.0, scale=0.5)
@@ -362,27 +360,3 @@ def test_the_defaults_and_the_page_agree(tmp_path: Path) -> None:
     path = tmp_path / "limits.yaml"
     path.write_text(page.partition("<!-- read as: bring-up -->\n```yaml")[2].partition("```")[0])
     assert load(path, BringUpConfig) == BringUpConfig()
-
-
-class TestSimulatedRobots:
-    @pytest.fixture
-    def plants(self, monkeypatch: pytest.MonkeyPatch) -> list[PlantConfig]:
-        """The robots that are simulated; no step is run."""
-        made: list[PlantConfig] = []
-        monkeypatch.setattr("footfall.plant.robot.SimulatedRobot", lambda *a: made.append(a[3]))
-        monkeypatch.setattr("footfall.plant.bus.SimulatedBus", lambda wires, robot: None)
-        run = lambda step, *_: Verdict(step.name, (), RESULT)  # noqa: E731
-        monkeypatch.setattr("footfall.deploy.bring_up.steps.run_step", run)
-        return made
-
-    def test_the_last_steps_ground_is_uneven(self, plants: list[PlantConfig], tmp_path: Path) -> None:
-        (tmp_path / "limits.yaml").write_text("uneven_m: 0.03")
-        options = bring_up.BringUpOptions(steps=("walk", "uneven"), limits=tmp_path / "limits.yaml")
-        assert bring_up.bring_up("trot", options=options) == 0
-        level_ground, uneven = (plant.ground for plant in plants)
-        assert level_ground is None
-        assert isinstance(uneven, Ground)
-        middle = uneven.heights.shape[1] // 2
-        beside = round(0.4 / uneven.cell_m)
-        assert not uneven.heights[0, middle - beside : middle + beside, middle].any()
-        assert 0.02 < uneven.heights.max() <= 0.03

@@ -6,10 +6,7 @@ from deploy_policies import Hold, Sway, short_episode
 
 from footfall import Robot, Trace, run_episode
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.loop import ControlLoop
-from footfall.deploy.modes import Mode
 from footfall.domain_rand.noise import Noise
-from footfall.plant.robot import SimulatedRobot
 
 
 @pytest.fixture(scope="module")
@@ -37,21 +34,6 @@ def test_the_same_seed_gives_the_same_trace(go1: Robot) -> None:
 
     assert np.array_equal(qpos(3), qpos(3))
     assert not np.array_equal(qpos(3), qpos(4))
-
-
-def test_a_tilt_past_the_limit_is_seen_by_the_imu_and_damped(go1: Robot) -> None:
-    modes: list[Mode] = []
-
-    def topple(loop: ControlLoop, body: SimulatedRobot) -> None:
-        modes.append(loop.state.mode)
-        if modes.count(Mode.WALKING) >= 100 and loop.state.mode is Mode.WALKING:
-            body.data.qvel[3] = 8.0  # roll over
-
-    trace = run_episode(go1, Hold(go1), short_episode(duration_s=3.0), topple)
-    assert trace.final_state == "FALLING"
-    assert trace.fell
-    assert "tilt" in trace.faults[0]
-    assert modes[-1] is Mode.FALLING
 
 
 def test_a_bus_too_small_for_its_motors_overflows_into_an_emergency_stop(go1: Robot) -> None:

@@ -153,23 +153,6 @@ class TestPose:
         estimator.start()
         return estimator, sensed
 
-    def test_a_circle_is_followed(self) -> None:
-        """0.5 m/s and 0.8 rad/s are a circle of radius 0.625 m.
-
-        After 250 degrees the position is the calculated one.
-        """
-        velocity, turned = np.array([0.5, 0.0, 0.0]), np.radians(250.0)
-        yaws = 2.5 + np.linspace(0.0, turned, round(turned / 0.8 / 0.008) + 1)
-        estimator, sensed = self.moving(2.5, velocity)
-        glide(estimator, sensed, velocity, yaws, 0.008)
-        found = estimator.odometry()
-        radius = 0.5 / 0.8
-        expected = [radius * np.sin(turned), radius * (1 - np.cos(turned)), 0.0]
-        np.testing.assert_allclose(found.position, expected, atol=5e-3)
-        assert found.yaw == pytest.approx(np.radians(-110.0))
-        np.testing.assert_allclose(np.abs(found.orientation @ yawed(turned)), 1.0)
-        assert found.angular_velocity[2] == pytest.approx(0.8, rel=1e-3)
-
     @settings(max_examples=10, deadline=None)
     @given(st.floats(-3.1, 3.1), st.integers(0, 1000))
     def test_the_imus_north_has_no_effect(self, north: float, seed: int) -> None:

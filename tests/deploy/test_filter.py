@@ -124,20 +124,3 @@ class TestFilter:
             motion.correct([[0.4, 0.0, 0.0]] * 2, [1.0, 1.0], LEVEL, 0.002)
         assert (motion.velocity[0] > 0.35) == follows
         assert (motion.velocity[0] < 0.02) != follows
-
-    @pytest.mark.parametrize("axis", [0, 1, 2])
-    def test_a_push_makes_the_velocity_uncertain(self, axis: int) -> None:
-        """Each 2 ms of 10 take a fifth of the legs' velocity, then a fifth of the rest.
-
-        The squares take a third.
-        """
-        motion, seen = MotionFilter(FilterConfig(push_m_s=0.3, push_filter_s=0.01)), np.zeros(3)
-        seen[axis], motion.vv = -2.0, 0.0
-        motion._look_for_push(seen.tolist(), 0.9, 0.002)
-        first = 0.2 * 0.9 * 2.0
-        assert motion.vv == pytest.approx((first**2 - 0.09) / 3)
-        motion._look_for_push(seen.tolist(), 0.9, 0.002)
-        second = first + 0.2 * (0.9 * 2.0 - first)
-        assert motion.vv == pytest.approx((first**2 + second**2 - 2 * 0.09) / 3)
-        motion._look_for_push((-seen).tolist(), 1.0, 0.02)  # a tick longer than the filter's time: at once
-        assert motion._surprise[axis] == pytest.approx(2.0)

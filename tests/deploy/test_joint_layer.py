@@ -74,14 +74,6 @@ class TestOut:
         step = go1.description.target_rate_rad_s * TICK_S
         np.testing.assert_allclose(layer.target, go1.default_pose + 0.3 - step, atol=2e-4)
 
-    def test_a_reduced_torque_is_restored_later(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        requested = command(go1, go1.default_pose, torque=20.0)
-        first = sent(go1, wiring, layer.command(requested)).torque
-        layer.absorb([replies(wiring, go1.default_pose, velocity=25.0)], 2000)
-        assert np.all(sent(go1, wiring, layer.command(requested)).torque < 0.8 * first)
-        layer.absorb([replies(wiring, go1.default_pose)], 4000)
-        np.testing.assert_array_equal(sent(go1, wiring, layer.command(requested)).torque, first)
-
 
 class TestReadingsOfEveryKind:
     def replies(self, robot: Robot, motors: Any, values: np.ndarray, error: Any = 0) -> Frames:

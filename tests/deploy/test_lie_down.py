@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
@@ -105,14 +104,6 @@ class TestPostures:
         assert not postures.done(fast_s + slow_s + 0.29 * CONFIG.stand_s)
         assert postures.done(fast_s + slow_s + 0.3 * CONFIG.stand_s)
 
-    def test_a_robot_without_lying_pose_counts_as_on_its_legs_at_any_height(self) -> None:
-        postures = Postures(load_robot("g1"), CONFIG, lie_down=True)
-        squat = {"hip_pitch": -1.9, "knee": 2.8, "ankle_pitch": -0.9}
-        names = load_robot("g1").joint_names
-        folded = [next((rad for part, rad in squat.items() if part in name), 0.0) for name in names]
-        postures.stand_up(np.array(folded), LEVEL)
-        assert postures.on_legs(0.0, Mode.STANDING)
-
     @pytest.mark.parametrize("ending", [Ending.STANDING, Ending.STOPPED, Ending.WALKING])
     def test_no_posture_exceeds_the_robots_target_rate(self, go1: Robot, ending: Ending) -> None:
         """At 0.1 rad/s a path takes pi / 2 times as long as at a constant rate.
@@ -175,11 +166,6 @@ class TestRun:
 
 
 class TestDescription:
-    def test_the_lying_pose_is_not_part_of_the_digest(self, go1: Robot, own_folder: Path) -> None:
-        path = own_folder / "robot.yaml"
-        path.write_text(path.read_text().replace("lying_rad: 1.35", "lying_rad: 1.4"))
-        assert load_robot(own_folder).digest == go1.digest
-
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
     def test_only_base_and_feet_touch_the_ground(self, name: str) -> None:
         """Contacts are MuJoCo's own, up to a few millimetres deep."""

@@ -74,18 +74,6 @@ class TestRounding:
 
 
 @WITH_SETTINGS
-def test_a_motor_that_is_suddenly_off_has_rebooted(wiring: Wiring) -> None:
-    driver, end = both_ends(wiring)
-    errors = []
-    for on in (False, True, False, True):
-        replies = driver.replies(end.reply(slice(None), report(np.zeros((3, 2)), on=np.array([on, True]))))
-        errors.append(bool(replies.error[0]))
-        assert replies.error[1] == 0
-    assert errors == [False, False, True, False]
-    assert driver.not_confirmed_off().all()  # their last replies report that they are enabled
-
-
-@WITH_SETTINGS
 class TestSettings:
     def own(self, end: Any) -> tuple[dict[int, float], int]:
         """Settings of the knee's motor, and the index of its time-out: 2000 are 0.1 s, 20 000 are 1 s."""

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from memory import memory_growth
 
 from footfall.deploy.drivers.driver import Motors, Replies
 from footfall.deploy.drivers.imu import ImuReader
@@ -60,12 +59,3 @@ def test_health_is_of_each_motor_and_the_imus_age_comes_last(driver: Scripted, r
     assert health.temperature_c.tolist() == [30.0, 31.0, 32.0]
     assert health.voltage.tolist() == [24.0, 25.0, 26.0]
     assert health.error.tolist() == [3, 3, 3]
-
-
-def test_layouts_that_never_repeat_do_not_fill_the_memory(driver: Scripted, receiver: Receiver) -> None:
-    """Some protocols have values in their identifiers, so layouts never repeat."""
-    driver.next = replies(slice(None), [30.0] * 3, [24.0] * 3, [0] * 3)
-    with memory_growth() as kilobytes:
-        for number in range(2000):
-            receiver.absorb([ONE_FRAME._replace(id=np.array([number + 0x400]))], number)
-    assert kilobytes() < 200

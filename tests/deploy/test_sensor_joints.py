@@ -185,12 +185,6 @@ class TestOpposing:
         found = measured(go1, Opposing, lambda _: (0.0, 0.0), lambda _: (-fifth, fifth), stiffness=100.0)
         assert found[0] == pytest.approx(fifth / (fifth - 0.2))
 
-    def test_a_motor_with_a_small_command_hardly_counts(self, go1: Robot) -> None:
-        """The torque is 1 % of the peak; a direction counts from 5 %: the weight is 0.01^2 / 0.05^2."""
-        little = 0.01 * float(go1.motor.peak_torque[0])
-        found = measured(go1, Opposing, torque=lambda _: (-little, little))
-        assert found[0] == pytest.approx(0.04, rel=0.05)
-
 
 @pytest.mark.parametrize(
     ("reported", "expected", "no_torque_s"),

@@ -86,14 +86,6 @@ def test_each_step_reaches_its_goal() -> None:
         assert walker.requests[-1].behaviour is Behaviour.LIE_DOWN
 
 
-def test_remaining_time_is_about_right() -> None:
-    walker = Walker([{"stand": 2.0}, {"rectangle": "2x1"}, {"turn": 180}])
-    walker.step()
-    predicted_s = walker.source.progress.remaining_s
-    walker.run()
-    assert abs(predicted_s - walker.time_s) < 0.25 * walker.time_s
-
-
 def test_a_mission_gives_up_with_its_reason() -> None:
     stuck = Walker([{"wait": 1}, {"rectangle": "2x1"}], hold=lambda t: t > 4.0).run()
     assert "step 2 (rectangle)" in stuck.source.progress.outcome

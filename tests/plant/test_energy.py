@@ -8,23 +8,6 @@ from footfall.robots.description import Robot
 
 
 class TestEnergy:
-    def test_power_is_the_mean_since_the_last_call(self, go1: Robot) -> None:
-        meter = EnergyMeter(go1)
-        torque, velocity = np.zeros(12), np.zeros(12)
-        torque[0], velocity[0] = 2.0, 3.0
-        torque[5], velocity[5] = 1.0, -4.0
-        # The mean of the velocities before and after counts.
-        meter.add(torque, velocity - 1.0, velocity + 1.0)
-        meter.add(0 * torque, velocity, velocity)
-        first = meter.take()
-        assert first.mechanical == pytest.approx((6.0 - 4.0) / 2)
-        assert first.positive == pytest.approx(6.0 / 2)
-        # Winding resistance, as seen at the joint
-        hip, knee = (0.17 / (0.105 * gear) ** 2 for gear in (6.0, 9.0))
-        assert first.electrical == pytest.approx(1.0 + (hip * 4.0 + knee * 1.0) / 2)
-        meter.add(0 * torque, velocity, velocity)
-        assert meter.take().electrical == 0.0
-
     def test_each_step_counts_once_for_any_number_of_steps(self, go1: Robot) -> None:
         meter = EnergyMeter(go1)
         rng = np.random.default_rng(4)

@@ -63,18 +63,3 @@ def test_a_robot_that_tips_or_hardly_folds_gets_no_lying_pose(tmp_path: Path, te
     robot = make(tmp_path, text, suffix, find_lying_pose=quickly)[0]
     assert robot.lying_pose is None
     assert "- no lying pose: " in (robot.folder / "robot.yaml").read_text()
-
-
-def test_the_effort_of_a_pose_is_that_of_the_most_loaded_motor(go1: Robot) -> None:
-    """Two weak front knees give the same effort as one."""
-    pose = go1.lying_pose
-    assert pose is not None
-
-    def weak(*joints: int) -> Robot:
-        strength = np.ones(12)
-        strength[list(joints)] = 0.01
-        return replace(go1, motor=go1.motor._replace(peak_torque=strength * go1.motor.peak_torque))
-
-    one, both = resting_effort(weak(2), pose), resting_effort(weak(2, 5), pose)
-    assert one > 5 * resting_effort(go1, pose)
-    assert both == pytest.approx(one, rel=0.2)
