@@ -14,7 +14,7 @@ from footfall.deploy.loop import ControlLoop
 from footfall.plant.bus import SimulatedBus
 from footfall.plant.robot import SimulatedRobot
 from footfall.plant.wire_faults import FaultyWires, WireFaults
-from footfall.plant.wires import Side, SimulatedWires
+from footfall.plant.wires import MAX_PLANS, Side, SimulatedWires
 
 
 def frames(*channels: int, length: int = 8) -> Frames:
@@ -48,6 +48,17 @@ def test_a_bus_counts_sent_and_received_frames() -> None:
     assert (first.name, first.frames_sent, first.frames_received, first.frames_refused) == ("a", 2, 1, 0)
     assert (second.name, second.frames_sent, second.frames_received) == ("b", 1, 0)
     assert (first.load, second.load) == pytest.approx((0.405, 0.135))
+
+
+def test_frames_of_more_layouts_than_are_kept_are_counted() -> None:
+    """Some protocols have values in their identifiers, so layouts never repeat."""
+    wires = SimulatedWires(("can0", "can1"))
+    for number in range(2 * MAX_PLANS):
+        batch = frames(0, 1, 1)
+        wires.send(Side.HOST, batch._replace(id=batch.id + number), 1000 * number)
+    counts = 2 * MAX_PLANS * np.array([1, 2])
+    assert wires.sent(Side.HOST).tolist() == counts.tolist()
+    assert wires.busy_us() == pytest.approx(frame_bits(8) * counts)
 
 
 def test_a_full_queue_of_the_host_refuses_the_rest() -> None:
