@@ -24,8 +24,8 @@ def sunk(data: StepData, *, min_height_share: Annotated[float, Between(0.0, 1.0)
     return data.height < min_height_share * data.scene.standing_height
 
 
-def base_contact(data: StepData, *, depth_m: Annotated[float, Between(0.0, 1.0)] = 0.01) -> jax.Array:
-    """A point on the base is deeper than `depth_m` in the ground."""
+def base_contact(data: StepData, *, depth_m: Annotated[float, Between(-0.1, 1.0)] = 0.01) -> jax.Array:
+    """A point on the base is deeper than `depth_m` in the ground; with a negative depth, nearer to it."""
     return jnp.max(jnp.where(data.scene.body.on_base, data.depth, -jnp.inf)) > depth_m
 
 

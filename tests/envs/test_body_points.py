@@ -1,5 +1,7 @@
 """Points on trunk and limbs lie on MuJoCo's shapes of the robot, and terms see them in the ground."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -75,3 +77,22 @@ def test_a_trunk_in_the_ground_ends_the_episode_and_standing_does_not(standing: 
     assert base_contact(lying)
     assert not base_contact(lying, depth_m=0.03)
     assert not base_contact(sunk_to(standing, 0.01))
+
+
+def step_at(position: jax.Array, edge_m: float, height_m: float) -> jax.Array:
+    """Height of a step that begins at x = edge_m."""
+    return jnp.where(position[..., 0] >= edge_m, height_m, -1.0)
+
+
+@pytest.mark.parametrize("edge_m", np.arange(-0.1, 0.08, 0.03))
+def test_an_edge_of_a_step_under_a_tilted_trunk_ends_the_episode(standing: StepData, edge_m: float) -> None:
+    pitch = np.radians(-25.0)  # nose up
+    turned = jnp.asarray(standing.qpos).at[3:7].set([np.cos(pitch / 2), 0.0, np.sin(pitch / 2), 0.0])
+    tilted = standing._replace(qpos=standing.scene.base.at_height(turned, jnp.float32(0.0)))
+    lower_face = -0.05 / np.cos(pitch) - edge_m * np.tan(pitch)  # height above x = edge_m
+    over, touched = (
+        tilted._replace(ground=partial(step_at, edge_m=edge_m, height_m=lower_face + deeper))
+        for deeper in (-0.02, 0.035)
+    )
+    assert not base_contact(over)
+    assert base_contact(touched)
