@@ -158,7 +158,7 @@ class TestUnexplained:
         assert measured(go1, Unexplained, torque=torque, samples=500)[0] == 0.0
 
 
-class TestIgnored:
+class TestCommandsIgnored:
     """A joint that swings by 0.1 rad under a target that swings by 0.15 rad."""
 
     def share(
@@ -194,7 +194,7 @@ class TestIgnored:
         late = lambda time_s: self.target(time_s - 0.04)  # noqa: E731
         assert self.share(go1, self.target) < 0.1
         assert self.share(go1, late) < 0.1
-        assert self.share(go1, late, strength=0.45) < 0.6 < LIMITS.ignored
+        assert self.share(go1, late, strength=0.45) < 0.6 < LIMITS.commands_ignored
 
     def test_noise_of_a_still_joint_is_no_command(self, go1: Robot) -> None:
         """A controller holds the joint stiffly, and then limply."""
@@ -206,4 +206,4 @@ class TestIgnored:
             joints = np.vstack((rng.normal(0.0, [[0.004], [0.4]], (2, 12)), np.zeros((1, 12))))
             readings.add(k * SAMPLE_US, joints, sent=sent.copy())
             values.append(readings.values.max())
-        assert max(values) < 0.5 < LIMITS.ignored
+        assert max(values) < 0.5 < LIMITS.commands_ignored
