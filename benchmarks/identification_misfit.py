@@ -28,7 +28,7 @@ from footfall.identify.recording import read_recording
 from footfall.identify.simulated import simulated_bus
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.mjcf import load_spec
-from footfall.robots.model import make_inertia_explicit
+from footfall.robots.spec_edits import make_inertia_explicit
 
 WEIGHT_KG = 0.1  # at each foot
 CLAMPED, ON_A_ROPE = True, False

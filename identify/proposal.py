@@ -16,7 +16,7 @@ from footfall.identify.fit import LegFit
 from footfall.identify.parameters import KINDS, Parameter
 from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
-from footfall.robots.model import make_inertia_explicit
+from footfall.robots.spec_edits import make_inertia_explicit
 
 IN_FOLDER = (  # written to the model: ranges are around the model's values
     "armature",

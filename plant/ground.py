@@ -6,7 +6,7 @@ from functools import partial
 import mujoco
 import numpy as np
 
-from footfall.robots.model import ALL_CONTACTS, FLOOR, FLOOR_FRICTION
+from footfall.robots.spec_edits import ALL_CONTACTS, FLOOR, FLOOR_FRICTION
 from footfall.terrain.boxes import boxes
 from footfall.terrain.ground import Ground
 

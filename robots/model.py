@@ -14,12 +14,17 @@ from footfall.robots.feet import find_feet, foot_geoms
 from footfall.robots.leg_bodies import leg_of_bodies
 from footfall.robots.mjcf import load_spec
 from footfall.robots.self_contact import Contacts, add_self_contacts
+from footfall.robots.spec_edits import (
+    FLOOR_FRICTION,
+    add_floor,
+    collides,
+    leave_losses_to_the_joint_law,
+    let_feet_decide,
+    make_inertia_explicit,
+)
 from footfall.robots.stability import PLANT_TIMESTEP_S, TRAINING_TIMESTEP_S
 
-FLOOR = "floor"
 IMU = "footfall_imu"
-FLOOR_FRICTION = [0.8, 0.005, 0.0001]
-ALL_CONTACTS = 0x7FFFFFFF  # contact bits that match every geom that can collide
 
 EXACT_ITERATIONS = 4  # of MuJoCo's solver, until friction has nearly converged
 
@@ -72,19 +77,19 @@ def training_spec(
         add_self_contacts(spec, rough=contacts in ("rough_limbs", "true_limbs"))
     paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     for geom in list(spec.geoms):
-        lands = whole_body and _collides(geom)
+        lands = whole_body and collides(geom)
         if not lands and geom.name not in feet | paired:
             spec.delete(geom)
             continue
         geom.contype, geom.conaffinity = 0, int(lands or geom.name in feet)
         if (
             lands and geom.name not in feet
-        ):  # MuJoCo's rule for two geoms without priority, see `_let_feet_decide`
+        ):  # MuJoCo's rule for two geoms without priority, see `let_feet_decide`
             geom.friction = np.maximum(geom.friction, FLOOR_FRICTION)
     for joint in () if whole_body else spec.joints:
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
-    _leave_losses_to_the_joint_law(spec, robot)
-    _let_feet_decide(_add_floor(spec, contact_bits=1), [spec.geom(foot) for foot in feet])
+    leave_losses_to_the_joint_law(spec, robot)
+    let_feet_decide(add_floor(spec, contact_bits=1), [spec.geom(foot) for foot in feet])
     spec.option.timestep = timestep_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     if not exact_friction:
@@ -144,7 +149,7 @@ def read_plant(
         "damping": np.array([_first(joint.damping) for joint in joints]),
     }
     _drop_pairs_of_stand_ins(spec)
-    _leave_losses_to_the_joint_law(spec, robot)
+    leave_losses_to_the_joint_law(spec, robot)
     if not any(_first(joint.armature) for joint in joints):
         notes.append(f"{source.name} gives no reflected inertia: the robot's is used")
         for joint, armature in zip(joints, robot.armature, strict=True):
@@ -152,7 +157,7 @@ def read_plant(
     if change is not None:
         change(spec)
     elif not any(_is_ground(geom) for geom in spec.worldbody.geoms):
-        _add_floor(spec)
+        add_floor(spec)
     _add_imu(spec, robot)
     spec.option.timestep = PLANT_TIMESTEP_S
     if spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4:
@@ -232,17 +237,12 @@ def _drop_pairs_of_stand_ins(spec: mujoco.MjSpec) -> None:
     """
     for pair in list(spec.pairs):
         geoms = [spec.geom(name) for name in (pair.geomname1, pair.geomname2)]
-        if all(not _collides(geom) and any(map(_collides, geom.parent.geoms)) for geom in geoms):
+        if all(not collides(geom) and any(map(collides, geom.parent.geoms)) for geom in geoms):
             spec.delete(pair)
 
 
-def _collides(geom: mujoco.MjsGeom) -> bool:
-    """Whether a geom can collide by itself, not only through a pair."""
-    return bool(geom.contype or geom.conaffinity)
-
-
 def _is_ground(geom: mujoco.MjsGeom) -> bool:
-    return geom.type in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD) and _collides(geom)
+    return geom.type in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD) and collides(geom)
 
 
 def _add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
@@ -261,50 +261,3 @@ def imu_position(robot: Robot) -> np.ndarray:
     """Position of the IMU in the base's frame, m, shape (3,)."""
     spec = load_spec(robot.xml_path)
     return np.array(spec.site(robot.description.imu).pos)
-
-
-def _leave_losses_to_the_joint_law(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Remove friction, a constraint row, from all joints, and viscous damping from the motors' joints."""
-    for joint in spec.joints:
-        joint.frictionloss = 0.0
-    for name in robot.joint_names:
-        joint = spec.joint(name)
-        joint.damping = np.zeros_like(joint.damping)
-
-
-def make_inertia_explicit(spec: mujoco.MjSpec) -> None:
-    """Set each body's compiled mass and inertia explicitly, so that deleting geoms does not change them."""
-    for number, body in enumerate(spec.bodies):
-        body.name = body.name or f"unnamed_body_{number}"  # used to find it below
-    model = spec.copy().compile()
-    for body in spec.bodies[1:]:
-        compiled = model.body(body.name)
-        body.mass = compiled.mass[0]
-        body.ipos = compiled.ipos
-        body.iquat = compiled.iquat
-        body.inertia = compiled.inertia
-        body.fullinertia = [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]  # MjSpec's marker for: not given
-        body.explicitinertial = True
-
-
-def _let_feet_decide(floor: mujoco.MjsGeom, feet: list[mujoco.MjsGeom]) -> None:
-    """Give contacts the feet's parameters through a neutral floor instead of through `priority`.
-
-    The result is the same. MJX handles priorities by scatters, which are slow on a GPU.
-    """
-    if all(foot.priority > 0 for foot in feet):
-        floor.condim, floor.solmix, floor.friction = 1, 0.0, [0.0, 0.0, 0.0]
-        for foot in feet:
-            foot.priority, foot.solmix = 0, 1.0
-
-
-def _add_floor(spec: mujoco.MjSpec, contact_bits: int = ALL_CONTACTS) -> mujoco.MjsGeom:
-    taken = any(geom.name == FLOOR for geom in spec.geoms)
-    return spec.worldbody.add_geom(
-        name="" if taken else FLOOR,
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[0, 0, 1],
-        contype=contact_bits,
-        conaffinity=contact_bits,
-        friction=FLOOR_FRICTION,
-    )

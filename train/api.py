@@ -19,6 +19,7 @@ from footfall.train.checks import check_devices, check_robot
 from footfall.train.compilation_cache import use_compilation_cache
 from footfall.train.config import TrainConfig, load_preset, with_settings
 from footfall.train.origin import check_source, find_source
+from footfall.train.progress import is_finished, newest_checkpoint, stopped_message
 from footfall.train.runs import checkpoint
 from footfall.train.runs.diagnosis import Diagnosis
 from footfall.train.runs.display import Display
@@ -152,13 +153,13 @@ def resume(folder: Path, display: Display | None = None) -> Path:
     with lock, display:
         if refusal:
             display.report(refusal)
-        if _is_finished(run):
+        if is_finished(run):
             display.report(f"{folder} is finished: its policy is {run.policy}")
         else:
             try:
                 _train_to_the_end(run, robot, display)
             except KeyboardInterrupt:
-                display.report(_progress_message(run))
+                display.report(stopped_message(run))
                 raise
     return run.folder
 
@@ -232,7 +233,7 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
     with device_failures(run, kind.device_errors):
         trainer = kind(run, robot)
         with cluster.all_or_none():
-            newest = _newest_checkpoint(run)
+            newest = newest_checkpoint(run)
             if newest is not None:
                 display.report(f"resuming from {newest.name}")
                 trainer.restore(newest)
@@ -269,37 +270,3 @@ def _changes(began: Provenance, device: str) -> list[str]:
     if began.revision != revision:
         changes.append(f"source revision {began.revision}, now {revision}")
     return changes
-
-
-def _progress_message(run: Run) -> str:
-    """One line: the steps of a stopped run, and the command to continue it."""
-    newest, ppo = checkpoint.latest(run.checkpoints), run.config.ppo
-    steps = int(newest.stem) * ppo.steps_per_iteration if newest else 0
-    return (
-        f"stopped after {steps:,} of {ppo.iterations * ppo.steps_per_iteration:,} steps;"
-        f" continue with: footfall train --resume {run.folder}"
-    )
-
-
-def _is_finished(run: Run) -> bool:
-    """Whether process 0 finds the last checkpoint and the exported policy."""
-    newest = checkpoint.latest(run.checkpoints)
-    done = newest is not None and int(newest.stem) >= run.config.ppo.iterations
-    (finished,) = cluster.broadcast(done and run.policy.is_file())
-    return bool(finished)
-
-
-def _newest_checkpoint(run: Run) -> Path | None:
-    """The newest checkpoint of process 0, or None; a shared disk may show an older one to other processes.
-
-    Raises:
-        UserError: this process does not see it.
-    """
-    newest = checkpoint.latest(run.checkpoints)
-    (iteration,) = cluster.broadcast(int(newest.stem) if newest else 0)
-    if iteration == 0:
-        return None
-    chosen = checkpoint.path_of(run.checkpoints, iteration)
-    if not chosen.is_file():
-        raise UserError(f"process 0 resumes from {chosen}, which this process cannot see yet: try again")
-    return chosen

@@ -8,7 +8,7 @@ import numpy as np
 from footfall.plant.ground import replace_ground
 from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
-from footfall.robots.model import FLOOR
+from footfall.robots.spec_edits import FLOOR
 from footfall.terrain.ground import Ground
 
 FLOOR_MATERIAL = "footfall_floor"

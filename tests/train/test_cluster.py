@@ -11,6 +11,7 @@ import pytest
 
 from footfall.common.errors import UserError
 from footfall.train import api, cluster
+from footfall.train.progress import newest_checkpoint
 from footfall.train.runs import checkpoint
 
 PATIENCE_S = 420
@@ -58,10 +59,10 @@ def test_each_process_resumes_from_the_first_processs_checkpoint_or_not_at_all(
     monkeypatch.setattr(cluster, "processes", lambda: 2)
     oldest = min(opened.checkpoints.iterdir())  # this process sees newer ones
     monkeypatch.setattr(cluster, "broadcast", lambda _: (int(oldest.stem),))
-    assert api._newest_checkpoint(opened) == oldest
+    assert newest_checkpoint(opened) == oldest
     monkeypatch.setattr(cluster, "broadcast", lambda _: (9,))
     with pytest.raises(UserError, match=r"process 0 resumes from .*00000009\.ckpt"):
-        api._newest_checkpoint(opened)
+        newest_checkpoint(opened)
 
 
 def test_a_failure_in_one_process_is_reported_in_each(monkeypatch: pytest.MonkeyPatch) -> None:
