@@ -108,7 +108,7 @@ def begun(reset) -> State:
     )
 
 
-ACTION = jnp.linspace(-0.3, 0.4, N)
+ACTION = np.linspace(-0.3, 0.4, N, dtype=np.float32)
 
 
 def placed(state: State, base=(0.0, 0.0, 0.3), quaternion=(1.0, 0.0, 0.0, 0.0)) -> State:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from flax import struct
@@ -33,7 +32,9 @@ class State(NamedTuple):
     parts: tuple[dict[str, jax.Array], ...]
 
 
-STATE = State(jnp.arange(3.0), Statistics(jnp.float32(2.0)), ({"a": jnp.ones((2, 2))}, {}))
+STATE = State(
+    np.arange(3.0, dtype=np.float32), Statistics(np.float32(2.0)), ({"a": np.ones((2, 2), np.float32)}, {})
+)
 
 
 def advance(state: State) -> tuple[State, dict[str, jax.Array]]:

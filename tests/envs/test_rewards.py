@@ -1,6 +1,7 @@
 """Each reward term for an outcome calculated by hand: its value, its sign, and its maximum."""
 
 from dataclasses import replace
+from functools import cache
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,29 +11,32 @@ from go1_smoke import ROBOT, SCENE, SMOKE
 from footfall.common.errors import UserError
 from footfall.envs.config import RewardConfig
 from footfall.envs.task import Task
-from footfall.envs.terms.data import example_data
+from footfall.envs.terms.data import StepData, example_data
 from footfall.envs.terms.rewards import REWARDS
 
 POSE = ROBOT.default_pose
 PARAMETERS = {"track_linear": {"sigma_m2_s2": 0.25}, "track_yaw": {"sigma_rad2_s2": 0.5}}
 
-# The first and the last foot stand, the others swing as planned. The robot follows its command.
-PERFECT = example_data(SCENE)._replace(
-    command=jnp.array([0.6, -0.2, 0.4]),
-    moving=jnp.float32(1.0),
-    linear_velocity=jnp.array([0.6, -0.2, 0.0]),
-    angular_velocity=jnp.array([0.0, 0.0, 0.4]),
-    foot_position=jnp.array([[0.2, 0.2, 0.0], [0.2, -0.2, 0.0], [-0.2, 0.2, 0.0], [-0.2, -0.2, 0.0]]),
-    contact=jnp.array([1.0, 0.0, 0.0, 1.0]),
-    clearance=jnp.array([0.0, 0.08, 0.08, 0.0]),
-    foot_speed=jnp.array([0.0, 1.5, 1.5, 0.0]),
-    swing=jnp.array([0.0, 1.0, 1.0, 0.0]),
-)
+
+@cache
+def perfect() -> StepData:
+    """The first and the last foot stand, the others swing as planned. The robot follows its command."""
+    return example_data(SCENE)._replace(
+        command=jnp.array([0.6, -0.2, 0.4]),
+        moving=jnp.float32(1.0),
+        linear_velocity=jnp.array([0.6, -0.2, 0.0]),
+        angular_velocity=jnp.array([0.0, 0.0, 0.4]),
+        foot_position=jnp.array([[0.2, 0.2, 0.0], [0.2, -0.2, 0.0], [-0.2, 0.2, 0.0], [-0.2, -0.2, 0.0]]),
+        contact=jnp.array([1.0, 0.0, 0.0, 1.0]),
+        clearance=jnp.array([0.0, 0.08, 0.08, 0.0]),
+        foot_speed=jnp.array([0.0, 1.5, 1.5, 0.0]),
+        swing=jnp.array([0.0, 1.0, 1.0, 0.0]),
+    )
 
 
 def value(name: str, **changes: object) -> float:
     changed = {key: jnp.asarray(each, dtype=jnp.float32) for key, each in changes.items()}
-    return float(REWARDS[name](PERFECT._replace(**changed), **PARAMETERS.get(name, {})))
+    return float(REWARDS[name](perfect()._replace(**changed), **PARAMETERS.get(name, {})))
 
 
 @pytest.mark.parametrize(
@@ -91,10 +95,10 @@ def test_each_term_has_the_calculated_value(name: str, changes: dict[str, object
 
 def test_parameters_change_a_term() -> None:
     assert float(
-        REWARDS["track_linear"](PERFECT._replace(linear_velocity=jnp.zeros(3)), sigma_m2_s2=0.4)
+        REWARDS["track_linear"](perfect()._replace(linear_velocity=jnp.zeros(3)), sigma_m2_s2=0.4)
     ) == (pytest.approx(np.exp(-1.0)))
-    assert float(REWARDS["swing_height"](PERFECT, height_m=0.05)) == pytest.approx(2 * 0.03**2)
-    near = PERFECT._replace(foot_position=0.5 * PERFECT.foot_position)  # 0.2 m along, 0.2 m across
+    assert float(REWARDS["swing_height"](perfect(), height_m=0.05)) == pytest.approx(2 * 0.03**2)
+    near = perfect()._replace(foot_position=0.5 * perfect().foot_position)  # 0.2 m along, 0.2 m across
     assert float(REWARDS["crowded_feet"](near, distance_m=0.25)) == pytest.approx(4 * 0.05**2, rel=1e-4)
 
 
@@ -103,7 +107,7 @@ def test_the_first_pattern_that_matches_a_joint_gives_its_weight_in_pose() -> No
     expected = {"FR_hip_joint": 5.0, "FL_hip_joint": 2.0, "FL_calf_joint": 0.0, "FL_thigh_joint": 1.0}
     for joint, share in expected.items():
         moved = POSE + 1.0 * np.array([name == joint for name in ROBOT.joint_names])
-        data = PERFECT._replace(joint_position=jnp.asarray(moved, jnp.float32))
+        data = perfect()._replace(joint_position=jnp.asarray(moved, jnp.float32))
         assert float(REWARDS["pose"](data, joint_shares=shares)) == pytest.approx(share, abs=1e-5), joint
     entry = RewardConfig("pose", -1.0, settings={"joint_shares": {"*_toe": 1.0}})
     with pytest.raises(UserError, match=r"env.rewards\[0\]: joint_shares: no joint matches '\*_toe'"):

@@ -58,7 +58,7 @@ class TestIteration:
 class Reaching(NumberEnvironment):
     """Rewards actions near one."""
 
-    TARGET = jnp.array([0.5, -0.3])
+    TARGET = np.array([0.5, -0.3], np.float32)
 
     def reward(self, action: jax.Array) -> jax.Array:
         return -jnp.sum((action - self.TARGET) ** 2, axis=-1)
