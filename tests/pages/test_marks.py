@@ -79,19 +79,6 @@ def test_marks_are_where_the_robot_is(marks: Marks, drawing: Drawing, moment: Mo
     assert length[[1, 2]].max() == 0.0
 
 
-def test_paths_of_feet_follow_them_and_restart(marks: Marks, drawing: Drawing, moment: Moment) -> None:
-    def spread() -> float:
-        return float(np.ptp(drawing.things["w/feet/trails"].points[..., 1]))
-
-    marks.show(moment)
-    standing = spread()
-    marks.show(moment._replace(time_s=1.1, position=PLACE + np.array([0.0, 0.3, 0.0])))
-    assert spread() == pytest.approx(standing + 0.3)
-    marks.begin()
-    marks.show(moment._replace(time_s=0.0))
-    assert spread() == pytest.approx(standing)
-
-
 def test_a_visitor_hides_a_layer(marks: Marks, drawing: Drawing) -> None:
     page = PageControls()
     offer_layers(page, marks.layers)  # type: ignore[arg-type]

@@ -58,18 +58,6 @@ class TestScene:
         bodies = list(scene.bodies)
         assert np.abs(data.xpos[bodies] - data.xipos[bodies]).max() > 0.01
 
-    def test_the_view_moves_by_a_tenth_of_the_distance_in_each_frame(
-        self, scene: Scene, data: mujoco.MjData
-    ) -> None:
-        scene.begin()
-        for follow, way in ((False, 0.0), (True, 0.1), (True, 0.19)):
-            scene.show(data, np.zeros(3), np.zeros(3), follow)
-            if follow:
-                np.testing.assert_allclose(scene._world.position, [-3.0 * way, 2.0 * way, 0.0], atol=1e-6)
-        scene.begin()
-        scene.show(data, np.zeros(3), np.zeros(3), follow=True)
-        np.testing.assert_allclose(scene._world.position, [-0.3, 0.2, 0.0], atol=1e-6)
-
     def test_without_a_policy_the_robot_stands(self, go1: Robot) -> None:
         """The robot is drawn in its default pose, and its lowest foot is on the ground."""
         data = standing(go1).data
