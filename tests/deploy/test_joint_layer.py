@@ -1,17 +1,14 @@
 """The joint layer limits commands and decodes readings."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from frame_robot import ROWS
 from reports import report
 
-from footfall.deploy.drivers import mit, mit_driver
 from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
-from footfall.deploy.wiring import Wiring, wiring_of
+from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.actuator import JointCommand, limit_torque
 from footfall.robots.description import Robot
@@ -21,53 +18,42 @@ RNG = np.random.default_rng(6)
 
 
 @pytest.fixture
-def wiring(go1: Robot) -> Wiring:
-    return wiring_of(go1)
-
-
-@pytest.fixture
-def layer(go1: Robot, wiring: Wiring) -> JointLayer:
+def layer(go1: Robot) -> JointLayer:
+    wiring = wiring_of(go1)
     layer = JointLayer(go1, open_driver(wiring), open_imu(wiring), TICK_S)
-    layer.absorb([replies(wiring, go1.default_pose)], 0)
+    layer.absorb([replies(go1, go1.default_pose)], 0)
     layer.begin_at(go1.default_pose)
     return layer
 
 
-def replies(wiring: Wiring, position: np.ndarray, velocity: float = 0.0, error: int = 0) -> Frames:
-    n = len(position)
-    values = np.array([position, np.full(n, velocity), np.zeros(n)])
-    head, tail = wiring.motor_id.astype(np.uint64) << np.uint64(56), np.full(n, error, dtype=np.uint64)
-    data = mit.Codec(wiring.models).encode_replies(slice(None), head, values, tail)
-    return Frames(wiring.channel, mit_driver.REPLY_ID + wiring.motor_id, data, np.full(n, 8))
+def replies(robot: Robot, position: np.ndarray, velocity: np.ndarray | float = 0.0) -> Frames:
+    values = np.array([position, 0.0 * ROWS + velocity, 0.0 * ROWS])
+    return open_motor_end(wiring_of(robot)).reply(slice(None), report(values))
 
 
-def command(robot: Robot, position: np.ndarray, kp: float = 20.0, torque: float = 0.0) -> JointCommand:
-    one = np.ones(len(position))
-    return JointCommand(position, 0 * one, kp * one, 0.5 * one, torque * one)
-
-
-def sent(robot: Robot, wiring: Wiring, frames: Frames) -> JointCommand:
-    codec = mit.Codec(wiring.models)
-    return JointCommand(*codec.decode(mit.words(frames.data), slice(None)))
+def command(robot: Robot, torque: float = 0.0) -> JointCommand:
+    """The default pose with 20 N m/rad."""
+    one = np.ones(12)
+    return JointCommand(robot.default_pose, 0 * one, 20.0 * one, 0.5 * one, torque * one)
 
 
 class TestOut:
     @pytest.mark.parametrize("side", [-1.0, 1.0])
     def test_the_smaller_of_two_torques_of_one_direction_is_expected(
-        self, go1: Robot, wiring: Wiring, layer: JointLayer, side: float
+        self, go1: Robot, layer: JointLayer, side: float
     ) -> None:
         """Between the commands the joint moves by 0.04 rad, which is 0.8 N m at 20 N m/rad."""
         for torque in (0.4, -0.4, 2.0, 1.2):
-            layer.command(command(go1, go1.default_pose, torque=side * torque))
-        layer.absorb([replies(wiring, go1.default_pose - side * 0.04)], 2000)
+            layer.command(command(go1, side * torque))
+        layer.absorb([replies(go1, go1.default_pose - side * 0.04)], 2000)
         np.testing.assert_allclose(layer.expected_torque(), side * 2.0, atol=0.02)
-        layer.command(command(go1, go1.default_pose, torque=-side * 2.0))  # -1.2 N m here, 2 before
+        layer.command(command(go1, -side * 2.0))  # -1.2 N m here, 2 before
         np.testing.assert_array_equal(layer.expected_torque(), 0.0)
 
-    def test_targets_continue_after_damping(self, go1: Robot, wiring: Wiring, layer: JointLayer) -> None:
-        requested = command(go1, go1.default_pose)
+    def test_targets_continue_after_damping(self, go1: Robot, layer: JointLayer) -> None:
+        requested = command(go1)
         layer.command(requested)  # whose target is reached at once
-        layer.absorb([replies(wiring, go1.default_pose + 0.3)], 0)
+        layer.absorb([replies(go1, go1.default_pose + 0.3)], 0)
         layer.damping(3.0)
         np.testing.assert_allclose(layer.target, go1.default_pose + 0.3, atol=2e-4)
         layer.command(requested)
@@ -76,14 +62,11 @@ class TestOut:
 
 
 class TestReadingsOfEveryKind:
-    def replies(self, robot: Robot, motors: Any, values: np.ndarray, error: Any = 0) -> Frames:
-        return open_motor_end(wiring_of(robot)).reply(motors, report(values, error))
-
     def test_each_command_is_reduced_to_its_motors_limit(self, go1: Robot, layer: JointLayer) -> None:
         """Readings and commands all differ; half of the requested torques exceed the motors' limits."""
         position = go1.default_pose + RNG.uniform(-0.02, 0.02, 12)
         velocity = RNG.uniform(-8.0, 8.0, 12)
-        layer.absorb([self.replies(go1, slice(None), np.array([position, velocity, 0 * ROWS]))], 0)
+        layer.absorb([replies(go1, position, velocity)], 0)
         sensed = layer.sensed()
         layer.begin_at(go1.default_pose)
         requested = JointCommand(
