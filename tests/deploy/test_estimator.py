@@ -144,15 +144,6 @@ def glide(
 
 
 class TestPose:
-    def moving(self, yaw: float, velocity: np.ndarray) -> tuple[BaseEstimator, Sensed]:
-        """An estimator whose initial motion is certain."""
-        sensed = held()
-        estimator = BaseEstimator(ROBOT)
-        estimator.reset(sensed._replace(quaternion=yawed(yaw)))
-        glide(estimator, sensed, velocity, np.full(250, yaw))
-        estimator.start()
-        return estimator, sensed
-
     @settings(max_examples=10, deadline=None)
     @given(st.floats(-3.1, 3.1), st.integers(0, 1000))
     def test_the_imus_north_has_no_effect(self, north: float, seed: int) -> None:
