@@ -93,7 +93,7 @@ def prepare(number: int, out: Path) -> None:
         truth = truth_of(robot, leg, sample, fitted)
         estimates = [Estimate(Parameter(*key), value, value, value) for key, value in truth.items()]
         nothing = np.zeros(leg.count)
-        fits.append(LegFit(leg, tuple(estimates), {}, nothing, nothing, Track(*(nothing,) * 4)))
+        fits.append(LegFit(leg, tuple(estimates), {}, nothing, nothing, Track(*(nothing,) * 4), nothing))
     write_ranges(propose(robot, fits, [], out / TRUE), _from_joint_to_joint(sample))
     logs = [str(out / f"{seed}.mcap") for seed in (0, 1)]
     status = footfall(

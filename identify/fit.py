@@ -18,7 +18,8 @@ from footfall.identify.resampling import block_weights, refitted
 from footfall.identify.solver import solve
 from footfall.identify.windows import Windows, cut, joined
 
-MISFIT_RATIO = 2.0  # residual over noise of a wrong model; correct models had at most 1.03 in 16 fits
+MISFIT_RATIO = 2.0  # residual over noise of a wrong model; correct models had at most 1.04 in 20 fits
+TORQUE_SHARE = 0.1  # largest error of correct torque readings, as a share of their rms; 0.01 in a simulation
 MAX_NOISE = 3.0  # maximum noise of the readings assumed when unidentifiable directions are searched
 MAX_TURN_RAD_S = 0.05  # maximum angular velocity of a base that counts as fixed
 RESAMPLES = 60
@@ -68,6 +69,7 @@ class LegFit:
     noise_rad: np.ndarray  # (n,) noise of the position readings
     residual_rad: np.ndarray  # (n,) rms error of fitted positions over the windows used for fitting
     held_out: Track
+    torque_error: np.ndarray  # (n,) rms error of fitted torques, as a share of the readings' rms; NaN without
     explanation: Explanation | None = None  # cause of a misfit
     profile: Profile | None = None  # over the delay, if requested
 
@@ -132,6 +134,7 @@ def fit_leg(
         noise,
         fitted,
         _track(Problem(leg, held_out_windows, problem.parameters, {}, noise, torque), x),
+        torque_error(problem, x),
         explained(problem, x) if config.explain and (fitted > MISFIT_RATIO * noise).any() else None,
         delay_profile(problem, x) if config.profile else None,
     )
@@ -211,6 +214,18 @@ def _check_still(recording: Recording) -> None:
 def _windows(leg: FixedLeg, recordings: Sequence[Recording], config: FitConfig) -> Windows:
     step_s = float(leg.model.opt.timestep)
     return joined([cut(each, leg.joints, config.window_s, step_s, config.rate_hz) for each in recordings])
+
+
+def torque_error(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Rms error of the torques beyond their noise, as a share of the rms reading, (n,); NaN without readings.
+
+    Args:
+        problem: problem of the fit.
+        x: solution, (p,).
+    """
+    error, reading, noise = problem.errors(x[:, None])[1][0], problem.windows.torque, problem.torque_sigma
+    beyond = np.sqrt(np.maximum(_rms(error) ** 2 - noise**2, 0.0))
+    return np.where(np.isfinite(noise), beyond / np.maximum(_rms(reading), MIN_TORQUE_SIGMA_NM), np.nan)
 
 
 def _torque_noise(leg: FixedLeg, recordings: Sequence[Recording]) -> np.ndarray:

@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
-from footfall.identify.fit import MISFIT_RATIO, LegFit
+import numpy as np
+
+from footfall.identify.fit import MISFIT_RATIO, TORQUE_SHARE, LegFit
 
 
 def verdicts(fit: LegFit) -> list[str]:
-    """One line for each joint, and the effect that best explains a misfit."""
+    """One line for each joint, wrong torque readings, and the effect that best explains a misfit."""
     lines = []
     for index, joint in enumerate(fit.leg.joint_names):
         ratio = fit.misfit[index]
@@ -16,6 +18,12 @@ def verdicts(fit: LegFit) -> list[str]:
             f"{joint}: held out {1e3 * fit.held_out_rad[index]:.2f} mrad rms,"
             f" nominal {1e3 * fit.nominal_rad[index]:.2f}: {verdict}"
         )
+    lines += [
+        f"{joint}: torque readings differ by {100 * share:.0f} % from the fitted torque:"
+        " check their scale and sign"
+        for joint, share in zip(fit.leg.joint_names, fit.torque_error, strict=True)
+        if share > TORQUE_SHARE
+    ]
     found = fit.explanation
     if found is not None and found.best is not None:
         left = found.with_effect[found.best]
@@ -64,6 +72,7 @@ def _leg_figures(fit: LegFit) -> dict[str, Any]:
         "residual_rad": fit.residual_rad.tolist(),
         "held_out_rad": fit.held_out_rad.tolist(),
         "nominal_rad": fit.nominal_rad.tolist(),
+        "torque_error": [None if np.isnan(each) else float(each) for each in fit.torque_error],
         "effects": None if found is None else {"without": found.without, **found.with_effect},
         "delay_profile": None if fit.profile is None else fit.profile._asdict() | {"numbers": None},
     }

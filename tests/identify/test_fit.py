@@ -14,7 +14,7 @@ from footfall.domain_rand.sample import Sample
 from footfall.evaluate.report import fit_page
 from footfall.fit_report import page
 from footfall.identify.excitation import ExcitationConfig
-from footfall.identify.fit import FitConfig, LegFit, fit_leg, problem_of
+from footfall.identify.fit import TORQUE_SHARE, FitConfig, LegFit, fit_leg, problem_of, torque_error
 from footfall.identify.leg import fixed_legs
 from footfall.identify.proposal import propose
 from footfall.identify.record import record
@@ -146,6 +146,20 @@ def test_the_noise_of_torque_readings_is_found(recording: Recording) -> None:
     noise = np.random.default_rng(0).normal(0.0, 0.5, recording.torque.shape)
     noisy = replace(recording, torque=recording.torque + noise)
     np.testing.assert_allclose(problem_of(LEG, [noisy], FitConfig()).torque_sigma, 0.5, rtol=0.15)
+
+
+@pytest.mark.parametrize(("factor", "wrong"), [(1.0, False), (1.3, True), (-1.0, True)])
+def test_torque_readings_that_contradict_the_motion_are_noticed(
+    recording: Recording, factor: float, wrong: bool
+) -> None:
+    """With the true parameters, since a fit takes seconds."""
+    read = replace(recording, torque=recording.torque * np.where(np.arange(N) == 2, factor, 1.0))
+    problem = problem_of(LEG, [read], FitConfig())
+    truth = {name: float(np.mean(value)) for name, value in TRUTH.items()} | {"delay_s": 0.0057}
+    at = problem.scaled(
+        np.array([truth.get(each.quantity, each.kind.nominal) for each in problem.parameters])
+    )
+    assert (torque_error(problem, at) > TORQUE_SHARE).tolist() == [False, False, wrong]
 
 
 def test_a_page_shows_each_joint_and_is_self_contained(fit: LegFit, monkeypatch: pytest.MonkeyPatch) -> None:
