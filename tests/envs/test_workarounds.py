@@ -7,7 +7,6 @@ from importlib.metadata import version
 
 import jax
 import mujoco
-import numpy as np
 import pytest
 
 from footfall.envs.workarounds import partitioner
@@ -49,12 +48,6 @@ def test_shardy_is_avoided_only_where_it_crashes(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(jax, "__version_info__", release)
         partitioner.avoid_crashing_partitioner()
         assert changed == expected
-
-
-@pytest.mark.parametrize("count", [1, 2, 7, 1000, 40000])
-def test_a_permutation_by_single_sorts_is_that_of_jax(count: int) -> None:
-    expected = jax.random.permutation(jax.random.key(count), count)
-    np.testing.assert_array_equal(partitioner.permutation(jax.random.key(count), count), expected)
 
 
 def test_mujocos_settings_stay_until_the_last_training_ends() -> None:

@@ -9,9 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 from brax.training.types import Transition
 from jax.sharding import PartitionSpec
-from number_environment import NumberEnvironment
+from number_environment import (
+    ACTIONS,
+    SIZES,
+    CountingEnvironment,
+    NumberEnvironment,
+    counting_config,
+    step_batch,
+)
 
+from footfall.train.brax import ppo as losses
+from footfall.train.brax import rollout as rollouts
 from footfall.train.brax.devices import SHARDED, device_mesh, place, shardings
+from footfall.train.brax.iteration import make_iteration
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.ppo import Ppo
 from footfall.train.brax.state import STATE_SPECS, initial_state
@@ -55,10 +65,12 @@ def side_by_side(one: Data, other: Data) -> Data:
 @cache
 def learner(devices: int) -> Any:
     """The compiled update on this number of devices; it gives the actor of each."""
-    ppo = Ppo(NETWORKS, CONFIG.ppo, devices)
+    ppo, key = Ppo(NETWORKS, CONFIG.ppo, devices), jax.random.key(1)
+    orders = ppo.orders(key, ENVIRONMENTS)
 
     def actor(*arguments: Any) -> Any:
-        return jax.tree.map(lambda x: x[None], ppo.update(*arguments, jax.random.key(1))[0].policy)
+        learned, _, _ = ppo.update(*arguments, key, orders=orders)
+        return jax.tree.map(lambda x: x[None], learned.policy)
 
     if devices > 1:
         specs = (STATE_SPECS, PartitionSpec(None, *SHARDED), SHARDED)
@@ -70,6 +82,19 @@ def learnt(state: Any, data: Data, devices: int) -> list[Any]:
     """The actor that each device ends up with."""
     actors = jax.device_get(learner(devices)(state, *data))
     return [jax.tree.map(lambda x, i=i: x[i], actors) for i in range(devices)]
+
+
+def statistics_and_expected() -> tuple[Any, Any]:
+    """Mean and deviation of the observations after an iteration of counting episodes on both devices."""
+    config, env = counting_config(), CountingEnvironment()
+    networks = make_networks(SIZES, ACTIONS, config)
+    state = initial_state(env, networks, config, 3)
+    shown = np.asarray(state.env) + np.arange(config.num_steps_per_env)[:, None]
+    env.count //= MESH.size
+    rollouts.step_batch = step_batch
+    losses.compute_ppo_loss = lambda params, *_, **__: (0.0, {"kl_mean": jnp.float32(0.0)})  # quick to trace
+    after = jax.jit(make_iteration(env, networks, config, MESH))(state)[0].normalizer
+    return (after.mean["state"], after.std["state"]), (shown.mean(), shown.std())
 
 
 def gap(a: Any, b: Any) -> float:
@@ -92,6 +117,7 @@ def main() -> None:
         "same_share_on_both": gap(alone, twice),
         "other_share_on_the_second": gap(alone, first),
         "between_devices": gap(first, second),
+        "statistics": gap(*statistics_and_expected()),
         "environments_of_each": placed.observation["state"].addressable_shards[0].data.shape[0],
         "copies_of_parameters": len(jax.tree.leaves(placed.params)[0].addressable_shards),
     }

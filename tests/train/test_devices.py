@@ -42,6 +42,10 @@ def test_statistics_of_each_device_reach_all_devices(seen: dict[str, float]) -> 
     assert seen["between_devices"] == 0.0
 
 
+def test_observation_statistics_are_those_of_all_devices(seen: dict[str, float]) -> None:
+    assert seen["statistics"] < 1e-6
+
+
 def test_environments_are_divided_and_parameters_are_everywhere(seen: dict[str, float]) -> None:
     assert seen["devices"] == 2
     assert seen["environments_of_each"] == 16

@@ -6,18 +6,18 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks
 from brax.training.types import Transition
-from jax.sharding import Mesh
+from jax.sharding import Mesh, NamedSharding
 
 from footfall.envs.environment import Environment
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.train.actor import LOGGED_OBSERVATIONS
+from footfall.train.brax import statistics
 from footfall.train.brax.devices import AXIS, REPLICATED, SHARDED, SHARDED_ROLLOUT, mean_over_devices
 from footfall.train.brax.ppo import Ppo
 from footfall.train.brax.rollout import Episodes, roll_out
-from footfall.train.brax.state import LEARNER_SPECS, MIN_STD, TrainState
+from footfall.train.brax.state import LEARNER_SPECS, TrainState
 from footfall.train.config import PpoConfig
 from footfall.train.stacked import StackedScalars
 
@@ -26,11 +26,11 @@ class Experience(NamedTuple):
     """Training data from a rollout, and its metrics."""
 
     rollout: Transition  # arrays (time, environment, ...)
-    metrics: Any  # scalars by name
+    metrics: Any  # StackedScalars: means of each device, arrays (device,)
 
 
 EPISODE_SPECS = (SHARDED, SHARDED)  # how each half's arguments and results are sharded over several devices
-EXPERIENCE_SPECS = Experience(SHARDED_ROLLOUT, REPLICATED)
+EXPERIENCE_SPECS = Experience(SHARDED_ROLLOUT, SHARDED)
 LEARNED_SPECS = (LEARNER_SPECS, REPLICATED, SHARDED)
 Learned = tuple[TrainState, StackedScalars, jax.Array]
 
@@ -73,27 +73,30 @@ def make_iteration(
         _, step_keys, _ = iteration_keys(learner, config, device())
         state = learner.with_episodes(episodes)
         episodes, (rollout, means) = roll_out(env, networks, config, state, step_keys, _means)
-        metrics = mean(dict(means.mean(axis=0)) | {"reward/total": rollout.reward.mean() / env.period_s})
-        done, length = metrics.pop("done"), metrics.pop("length")
-        length_s = (
-            length / jnp.maximum(done, 1.0 / (config.num_envs * config.num_steps_per_env)) * env.period_s
-        )
-        scalars = metrics | {"episode/length_s": length_s}
-        return episodes, Experience(rollout, scalars)
+        total = {"reward/total": rollout.reward.mean() / env.period_s}
+        metrics = StackedScalars.of(dict(means.mean(axis=0)) | total)
+        return episodes, Experience(rollout, jax.tree.map(lambda x: x[None], metrics))
 
-    def learn(learner: TrainState, observation: dict[str, jax.Array], experience: Experience) -> Learned:
+    def learn(
+        learner: TrainState,
+        observation: dict[str, jax.Array],
+        experience: Experience,
+        orders: jax.Array | None = None,
+    ) -> Learned:
         rollout = experience.rollout
         key, _, learn_key = iteration_keys(learner, config, device())
-        params, optimizer, losses = ppo.update(learner, rollout, observation, learn_key, _means)
+        order = None if orders is None else orders[:, 0]
+        params, optimizer, losses = ppo.update(learner, rollout, observation, learn_key, _means, order)
+        metrics = experience.metrics.mean(axis=0)
+        moments = statistics.moments(learner.normalizer, rollout.observation) if devices > 1 else None
+        metrics, losses, moments = mean((metrics, losses.mean(axis=(0, 1)), moments))
         # Updated after PPO, so that the rollout's log-probabilities stay comparable.
-        normalizer = running_statistics.update(
-            learner.normalizer,
-            rollout.observation,
-            std_min_value=MIN_STD,
-            pmap_axis_name=AXIS if devices > 1 else None,
-        )
-        means = mean(losses.mean(axis=(0, 1)))
-        scalars = {f"learning/{name}": value for name, value in means.items()}
+        if moments is None:
+            normalizer = statistics.updated_alone(learner.normalizer, rollout.observation)
+        else:
+            normalizer = statistics.updated(learner.normalizer, moments, config.steps_per_iteration)
+        scalars = {f"learning/{name}": value for name, value in losses.items()}
+        scalars |= _with_episode_length(metrics, 1.0 / config.steps_per_iteration, env.period_s)
         seen = _newest(rollout.observation["state"], LOGGED_OBSERVATIONS // devices)
         learner = learner._replace(
             params=params,
@@ -102,23 +105,47 @@ def make_iteration(
             key=key,
             iteration=learner.iteration + 1,
         )
-        return learner, StackedScalars.of(experience.metrics | scalars), seen
+        return learner, StackedScalars.of(scalars), seen
 
-    if devices == 1:
+    if mesh is None or devices == 1:
         return Iteration(act, learn)
 
-    def sharded(half: Callable[..., Any], arguments: Any, results: Any) -> Callable[..., Any]:
+    def orders(device: jax.Array, learner: TrainState) -> jax.Array:
+        _, _, learn_key = iteration_keys(learner, config, device)
+        return ppo.orders(learn_key, config.num_envs // devices)
+
+    return _on_each_device(act, learn, orders, mesh)
+
+
+def _on_each_device(
+    act: Callable[..., Any], learn: Callable[..., Any], orders: Callable[..., jax.Array], mesh: Mesh
+) -> Iteration:
+    """The halves on each device's share. `orders` are those of (device, learner)."""
+
+    def each(half: Callable[..., Any], arguments: Any, results: Any) -> Callable[..., Any]:
         return jax.shard_map(half, mesh=mesh, in_specs=arguments, out_specs=results, check_vma=False)
 
-    return Iteration(
-        sharded(act, (EPISODE_SPECS, LEARNER_SPECS), (EPISODE_SPECS, EXPERIENCE_SPECS)),
-        sharded(learn, (LEARNER_SPECS, SHARDED, EXPERIENCE_SPECS), LEARNED_SPECS),
-    )
+    learn_each = each(learn, (LEARNER_SPECS, SHARDED, EXPERIENCE_SPECS, SHARDED_ROLLOUT), LEARNED_SPECS)
+    placed = NamedSharding(mesh, SHARDED_ROLLOUT)
+
+    def learn_all(learner: TrainState, observation: dict[str, jax.Array], experience: Experience) -> Learned:
+        drawn = jax.vmap(orders, (0, None), 1)(jnp.arange(mesh.size), learner)  # (epoch, device, environment)
+        drawn = jax.lax.with_sharding_constraint(drawn, placed)  # each device sorts its own
+        return learn_each(learner, observation, experience, drawn)
+
+    return Iteration(each(act, (EPISODE_SPECS, LEARNER_SPECS), (EPISODE_SPECS, EXPERIENCE_SPECS)), learn_all)
 
 
 def _means(values: dict[str, jax.Array]) -> StackedScalars:
     """The mean of each value, all in one array: each output of a scan takes a kernel or two."""
     return StackedScalars.of({name: jnp.mean(value) for name, value in values.items()})
+
+
+def _with_episode_length(metrics: StackedScalars, least_done: float, period_s: float) -> dict[str, jax.Array]:
+    """The metrics with the mean length of the episodes that ended, in seconds, instead of their sum."""
+    scalars = dict(metrics)
+    done, length = scalars.pop("done"), scalars.pop("length")
+    return scalars | {"episode/length_s": length / jnp.maximum(done, least_done) * period_s}
 
 
 def iteration_keys(

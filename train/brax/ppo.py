@@ -19,7 +19,6 @@ from brax.training.types import Transition
 
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
-from footfall.envs.workarounds.partitioner import permutation
 from footfall.train.brax.devices import mean_over_devices
 from footfall.train.brax.networks import normalised
 from footfall.train.brax.state import TrainState, make_optimizer
@@ -46,6 +45,11 @@ class Ppo:
     devices: int = 1
     mirror: EnvironmentMirror | None = None
 
+    def orders(self, key: jax.Array, environments: int) -> jax.Array:
+        """The order of the environments in each epoch of an update with this key, (epoch, environment)."""
+        keys = jax.random.split(key, self.config.num_learning_epochs + 1)
+        return jax.vmap(jax.random.permutation, (0, None))(keys[1:], environments)
+
     def update(
         self,
         state: TrainState,
@@ -53,6 +57,7 @@ class Ppo:
         observation: dict[str, jax.Array],
         key: jax.Array,
         summary: Callable[[dict[str, jax.Array]], Any] = lambda losses: losses,
+        orders: jax.Array | None = None,
     ) -> tuple[PPONetworkParams, Any, Any]:
         """Learn from a rollout, arrays of shape (time, environment, ...), and the observation after it.
 
@@ -62,6 +67,8 @@ class Ppo:
             observation: the observation after it.
             key: the update's random key.
             summary: function of a mini-batch's losses that returns those to keep.
+            orders: the environments' `orders`, drawn here if None. A `shard_map` needs them from outside,
+                because XLA's older partitioner aborts at sorts (envs/workarounds/partitioner.py).
 
         Returns:
             Parameters, the optimiser's state, and each mini-batch's summary, (epoch, mini-batch, ...).
@@ -70,23 +77,14 @@ class Ppo:
         limit = self.config.learning_rate_limit(state.iteration)
         adaptive = self.config.desired_kl is not None
         rate = jnp.minimum(learning_rate(state.optimizer), limit) if adaptive else limit
-        keys = jax.random.split(key, self.config.num_learning_epochs + 1)
-        orders = self._orders(keys[1:], rollout.reward.shape[1])
-        learner = Learner(state.params, with_learning_rate(state.optimizer, rate), keys[0])
+        if orders is None:
+            orders = self.orders(key, rollout.reward.shape[1])
+        first_key = jax.random.split(key, self.config.num_learning_epochs + 1)[0]
+        learner = Learner(state.params, with_learning_rate(state.optimizer, rate), first_key)
         entropy = self.config.entropy_weight(state.iteration)
         epoch = partial(self._epoch, data=data, limit=limit, entropy=entropy, summary=summary)
         learner, losses = jax.lax.scan(epoch, learner, orders)
         return learner.params, learner.optimizer, losses
-
-    def _orders(self, keys: jax.Array, environments: int) -> jax.Array:
-        """The order of the environments in each epoch, (epoch, environment).
-
-        Drawn before the epochs. Over several devices XLA's older partitioner aborts at other sorts
-        (envs/workarounds/partitioner.py).
-        """
-        if self.devices > 1:
-            return jnp.stack([permutation(key, environments) for key in keys])
-        return jax.vmap(jax.random.permutation, (0, None))(keys, environments)
 
     def _epoch(self, learner: Learner, order: jax.Array, **common: Any) -> tuple[Learner, Any]:
         """One epoch: each environment once, in this order. All mini-batches share `common`."""

@@ -15,9 +15,6 @@ from footfall.envs.state import State
 from footfall.train.brax.devices import REPLICATED, SHARDED
 from footfall.train.config import PpoConfig
 
-MIN_STD = 0.02  # smallest deviation to divide by: an observation that hardly varies is not amplified
-
-
 _NO_EPISODES: dict[str, Any] = {"env": (), "observation": ()}
 
 
