@@ -7,7 +7,7 @@ simulator's own fall detection is off in these runs. Then one run in real time a
 a log and changing commands.
 
 Each run's result is written to --out when it ends. A soak that was stopped continues with the missing runs.
---time-limit ends a long run in order; it then counts with its duration so far. Prints a JSON object for each
+--time-limit ends a long run properly; it then counts with its duration so far. Prints a JSON object for each
 part; exit status 1 if memory grew, time drifted, a run ended early or a fault was missed.
 """
 

@@ -29,7 +29,7 @@ from footfall.plant.frame_changes import flipped
 ORDERLY, ESTOP, KILLED = "IDLE", "ESTOP", ""
 PROCESS_TIMEOUT_S = 300.0  # a slow machine takes long to import
 START_TIMEOUT_S = 30.0  # the robot starts after the controller
-MOTORS_TIME_OUT_S = 0.5  # longer than the motors' timeout
+MOTORS_TIMEOUT_S = 0.5  # longer than the motors' timeout
 SLOW_DRIFT_RAD = 0.2
 FLIPPED_SHARE = 0.2  # of the robot's frames have a flipped bit, as if no checksum had detected it
 
@@ -211,7 +211,7 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
             subprocess.run(row.to_system, check=True)
     progress(f"{name}: waiting for the controller's end")
     text, _ = process.communicate(timeout=PROCESS_TIMEOUT_S)
-    time.sleep(MOTORS_TIME_OUT_S)
+    time.sleep(MOTORS_TIMEOUT_S)
     if row.to_system:
         subprocess.run([*row.to_system[:-1], "up"], check=True)
     body.stop()

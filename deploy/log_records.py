@@ -22,7 +22,7 @@ class Kind(IntEnum):
     ACTION = 6  # action of the network
     STATE = 7  # text
     NOTE = 8  # text
-    END = 9  # the run ended in order
+    END = 9  # the run ended properly
     ODOMETRY = 10  # (85,) numbers of a nav_msgs/Odometry
     CONTACTS = 11  # (feet,) probability that each foot is in stance
     AGES = 12  # (n + 1,) age of each motor's reading and of the IMU's, s

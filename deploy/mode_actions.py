@@ -6,7 +6,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.modes import COMMANDED, DAMPED, HELD, Mode
 from footfall.deploy.policy_runner import PolicyRunner
-from footfall.deploy.postures import Ending, Postures
+from footfall.deploy.postures import MotionBefore, Postures
 from footfall.deploy.safety import State
 from footfall.deploy.signal_source import SignalSource
 from footfall.deploy.wiring_check.check import WiringCheck
@@ -50,7 +50,7 @@ class ModeActions:
         elif mode is Mode.CHECKING and self._wiring_check is not None:
             self._wiring_check.begin(self._joints.target, sensed)
         elif mode is Mode.LOWERING:
-            self._postures.lie_down(self._joints.target, Ending.of(before.mode, bool(state.faults)))
+            self._postures.lie_down(self._joints.target, MotionBefore.of(before.mode, bool(state.faults)))
         elif mode is Mode.RECOVERING:
             self._joints.begin_at(sensed.joint_position)
             self._signals.begin_checks(now_us, again=True)

@@ -17,19 +17,19 @@ SOFT = 0.3  # share of the stiffness for unfolding; with all of it the limbs hit
 MOVING_SHARE = 0.7  # smallest share of the time to stand up that is motion; the rest is for settling
 
 
-class Ending(Enum):
-    """Motion of the robot when it starts to lie down."""
+class MotionBefore(Enum):
+    """Motion of the robot before it lies down."""
 
     STANDING = auto()  # on all feet
     STOPPED = auto()  # possibly with a foot in the air
     WALKING = auto()  # at any speed
 
     @staticmethod
-    def of(mode: Mode, faulty: bool) -> "Ending":
-        """Motion of a robot that lies down from a mode: without a fault it has stopped first."""
+    def of(mode: Mode, faulty: bool) -> "MotionBefore":
+        """Motion before the robot lies down from a mode: without a fault it has stopped first."""
         if mode is Mode.STANDING:
-            return Ending.STANDING
-        return Ending.WALKING if faulty else Ending.STOPPED
+            return MotionBefore.STANDING
+        return MotionBefore.WALKING if faulty else MotionBefore.STOPPED
 
 
 class Postures:
@@ -50,8 +50,8 @@ class Postures:
         # stopping, raised feet are put down first. While walking the base is lowered first, or the robot
         # pitches over.
         self._first = {
-            Ending.STOPPED: (0.0, min(config.stop_rate_rad_s, limit)),
-            Ending.WALKING: (config.sink_share, min(config.sink_rate_rad_s, limit)),
+            MotionBefore.STOPPED: (0.0, min(config.stop_rate_rad_s, limit)),
+            MotionBefore.WALKING: (config.sink_share, min(config.sink_rate_rad_s, limit)),
         }
         self._zeros = np.zeros(len(robot.joint_names))
         self._stiff = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
@@ -83,19 +83,19 @@ class Postures:
         self._path = PosePath(poses, [self._rate] * (len(poses) - 1), min_s)
         self._carried_s = self._path.duration_s if lies else 0.0
 
-    def lie_down(self, target: np.ndarray, ending: Ending) -> None:
+    def lie_down(self, target: np.ndarray, before: MotionBefore) -> None:
         """Start the path to the lying pose, if the robot has one.
 
         Args:
             target: last position targets, rad, (n,).
-            ending: motion of the robot.
+            before: motion of the robot until now.
         """
         if self._lying is None:
             return
         self._gains, self._levels = self._stiff, False
         poses, rates = [target, self._lying], [self._rate]
-        if ending in self._first:
-            share, rate = self._first[ending]
+        if before in self._first:
+            share, rate = self._first[before]
             poses.insert(1, self._standing + share * (self._lying - self._standing))
             rates.insert(0, rate)
         self._path = PosePath(poses, rates)

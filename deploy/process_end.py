@@ -1,4 +1,4 @@
-"""Signals, and `os._exit` in foreign code, end the run in order instead of the process.
+"""Signals, and `os._exit` in foreign code, end the run properly, instead of killing the process.
 
 Otherwise only the motors' timeouts would stop the robot, and there would be no result.
 """
@@ -25,8 +25,8 @@ ONCE = (signal.SIGHUP,)  # both kernel and shell send it when a terminal closes:
 
 @contextmanager
 def ending_on_signals(finish: Callable[[], None]) -> Iterator[None]:
-    """While the context is open, signals that would end the process call `finish`, which ends the run in
-    order.
+    """While the context is open, signals that would end the process call `finish`, which ends the run
+    properly.
 
     A second signal calls `finish` again, which skips lying down. Signals in `ONCE` count once.
     """

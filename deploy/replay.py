@@ -30,7 +30,7 @@ class Replay:
     """Comparison of a policy's decisions with those in a log."""
 
     steps: int
-    complete: bool  # whether the run ended in order
+    complete: bool  # whether the run ended properly
     damaged: int  # parts of the log that could not be read
     worst_difference: float  # largest absolute difference of any number; inf if one is NaN
     first_difference: str  # text on the first difference; empty if all numbers are equal

@@ -27,7 +27,7 @@ def record(
 ) -> SessionResult:
     """Move the joints and log each tick.
 
-    The supervisor's checks are active as in any run. The run ends early, in order, if a motor gets warm.
+    The supervisor's checks are active as in any run. The run ends early if a motor gets warm.
 
     Args:
         robot: robot bolted to a stand, or hanging, with its feet in the air.

@@ -11,7 +11,7 @@ UPDATE_S = 0.01
 
 
 class SimulatedBattery:
-    """A pack. `charge`, `resistance_ohm` and `reads_off_v` may be written to, to inject faults."""
+    """A pack. `charge`, `resistance_ohm` and `voltage_error_v` may be written to, to inject faults."""
 
     def __init__(
         self, robot: Robot, battery: Battery, motors: SimulatedMotors, charge: float, step_s: float
@@ -30,7 +30,7 @@ class SimulatedBattery:
         self._period_s, self._steps = self._every * step_s, 0
         self.charge = charge
         self.resistance_ohm = battery.internal_resistance_ohm
-        self.reads_off_v = 0.0  # error of the voltage that motors report
+        self.voltage_error_v = 0.0  # error of the reported voltage
         self.voltage_v, self.current_a = battery.nominal_v, 0.0
         self._load(battery.idle_w)
 
@@ -49,6 +49,6 @@ class SimulatedBattery:
         open_v = battery.open_circuit_v(self.charge)
         self.voltage_v = float(voltage_under_load(open_v, self.resistance_ohm, power_w))
         self.current_a = power_w / self.voltage_v
-        of_each_a = (self.current_a - battery.idle_w / self.voltage_v) / len(motors.enabled)
-        motors.supply = self.voltage_v + self.reads_off_v, of_each_a
+        motor_current_a = (self.current_a - battery.idle_w / self.voltage_v) / len(motors.enabled)
+        motors.supply = self.voltage_v + self.voltage_error_v, motor_current_a
         motors.sag(self.voltage_v / before_v)

@@ -247,7 +247,7 @@ class SimulatedMotors:
         error, on = np.maximum(self.faults.error, self.faults.latched), self.enabled.copy()
         timed_out = self._watchdog.timed_out
         if np.count_nonzero(timed_out):
-            error = np.maximum(error, timed_out * np.asarray(self._end.time_out_error, np.uint64))
+            error = np.maximum(error, timed_out * np.asarray(self._end.timeout_error, np.uint64))
         report, stuck = Report(readings, error, on, self._reported_c(), self.supply), self.faults.stuck
         if np.count_nonzero(stuck):
             before = self._reported

@@ -1,7 +1,7 @@
 """A learned part of the joint law: torque that the physical law lacks (`footfall identify net`).
 
 A small network of each joint reads the position error, the joint velocity and the torque of the physical law:
-now, and as a short memory of each. Written once, for NumPy and JAX arrays alike, as the joint law is.
+now, and as a short memory of each. Written once, for both NumPy and JAX arrays, as the joint law is.
 
 After Hwangbo et al., Science Robotics 4 (2019), eaau5872, whose network reads a history of position errors
 and velocities. Here first-order low-passes stand for the history, so that the length of a physics step does
@@ -26,7 +26,7 @@ ARRAYS = ("linear", "memory_s", "scale", "limit_nm")  # the others
 
 
 class ActuatorNet(NamedTuple):
-    """Networks of n joints. Layers have no biases, so that both directions are alike, and rest stays rest."""
+    """Networks of n joints. Layers have no biases, so that both directions are equal, and rest stays rest."""
 
     layers: tuple[Array, ...]  # two kernels (n, inputs, outputs) at least; the last one has 1 output
     linear: Array  # (n, inputs, 1) kernel from the first inputs to the last output

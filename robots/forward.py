@@ -79,7 +79,7 @@ class ForwardKinematics:
         for full, tip in self._jacobian_of_tip:
             mujoco.mj_jacSite(model, data, full, None, tip)
         jacobian, axes = self._full_jacobian.take(self._jacobian_indices), data.xaxis.take(self._axis_indices)
-        if order.alike:
+        if order.uniform:
             return LegPose(foot, jacobian, axes)
         return LegPose(foot, jacobian * order.present[:, None], axes * order.present[:, None])
 
@@ -92,7 +92,7 @@ class ForwardKinematics:
         np.negative(acceleration, out=self.model.opt.gravity)
         mujoco.mj_rne(self.model, self._data, 0, self._bias)
         torque = self._bias.take(self._dofs)
-        return torque if self._order.alike else torque * self._order.present
+        return torque if self._order.uniform else torque * self._order.present
 
     def limbs(self, default_pose: np.ndarray) -> list[Limb]:
         """Each limb as data, given the default pose (n,), rad."""

@@ -143,7 +143,7 @@ class Legs:
             jacobian: (legs, 3, m).
             motion: m/s, m/s^2 or another derivative; the result has the same one.
         """
-        if self.hinges == 3 and self._order.alike:
+        if self.hinges == 3 and self._order.uniform:
             return solve(jacobian, motion)
         across = jacobian.transpose(0, 2, 1)
         return across @ solve(jacobian @ across + _REGULAR, motion)

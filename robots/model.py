@@ -204,7 +204,7 @@ def ground_friction(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
 
     MuJoCo takes the larger of two geoms' coefficients unless one of them has priority.
     """
-    feet = [geoms[0] for geoms in foot_geoms(model, robot.description)]  # the geoms of one foot are alike
+    feet = [geoms[0] for geoms in foot_geoms(model, robot.description)]  # the geoms of one foot are identical
     floor = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)[0]
     own, ground = model.geom_friction[feet, 0], model.geom_friction[floor, 0]
     return np.where(model.geom_priority[feet] > model.geom_priority[floor], own, np.maximum(own, ground))

@@ -76,10 +76,10 @@ def _clock_sign(robot: Robot, partners: np.ndarray, phase: np.ndarray | None) ->
     """Sign of the clock's sine and cosine in the mirror: -1 if partners step half a cycle apart."""
     if phase is None:
         return 1.0
-    apart = (phase[partners] - phase) % 1.0
-    if np.allclose(apart, HALF_CYCLE):
+    difference = (phase[partners] - phase) % 1.0
+    if np.allclose(difference, HALF_CYCLE):
         return -1.0
-    if np.allclose(apart, 0.0):
+    if np.allclose(difference, 0.0):
         return 1.0
     raise UserError(f"the gait of robot '{robot.name}' has no mirror image; turn ppo.symmetry off")
 

@@ -19,7 +19,7 @@ def _reads_off(cell_v: float) -> Injection:
 
     def inject(injector: FaultInjector) -> None:
         assert injector.body.battery is not None
-        injector.body.battery.reads_off_v = CELLS * cell_v
+        injector.body.battery.voltage_error_v = CELLS * cell_v
 
     return inject
 

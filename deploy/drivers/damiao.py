@@ -23,14 +23,14 @@ from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.drivers.polled import MOTOR_IDS, Orders, PolledDriver, to_every_motor
-from footfall.deploy.drivers.settings import Known, Settings, TimeOut
+from footfall.deploy.drivers.settings import Known, Settings, Timeout
 from footfall.deploy.frames import Frames, Layout, layout_of
 from footfall.deploy.wiring import Wiring
 
 REPLY_ID = 0x200
 REGISTER_ID = 0x7FF
 READ, WRITE = 0x33, 0x55
-TIME_OUT_STEP_S = 50e-6  # unit of the timeout in public register tables; not measured on a motor
+TIMEOUT_STEP_S = 50e-6  # unit of the timeout in public register tables; not measured on a motor
 
 # Factory settings in the maker's table. A motor's own registers take precedence.
 RANGES = {
@@ -43,19 +43,19 @@ RANGES = {
     "DM10010L": MotorRange(25.0, 200.0),
 }
 
-TIME_OUT, MODE, POSITION_MAX, VELOCITY_MAX, TORQUE_MAX = REGISTERS = (9, 10, 21, 22, 23)
+TIMEOUT, MODE, POSITION_MAX, VELOCITY_MAX, TORQUE_MAX = REGISTERS = (9, 10, 21, 22, 23)
 _NAMES = {
-    TIME_OUT: "communication timeout (register 9)",
+    TIMEOUT: "communication timeout (register 9)",
     MODE: "control mode (register 10)",
     POSITION_MAX: "PMAX (register 21)",
     VELOCITY_MAX: "VMAX (register 22)",
     TORQUE_MAX: "TMAX (register 23)",
 }
-WHOLE = (TIME_OUT, MODE)  # integer registers; the others are floats
+WHOLE = (TIMEOUT, MODE)  # integer registers; the others are floats
 MIT_MODE = 1
 
 OFF, ON = 0, 1  # states that are not faults
-WENT_OFF = 16  # error code for an enabled motor that reports disabled: it has rebooted
+UNEXPECTED_OFF = 16  # error code for an enabled motor that reports disabled: it has rebooted
 COMMUNICATION_LOST = 13
 ERRORS = {
     5: "sensor error",
@@ -67,7 +67,7 @@ ERRORS = {
     12: "over-temperature of its coil",
     COMMUNICATION_LOST: "a communication timeout, and is disabled",
     14: "overload",
-    WENT_OFF: "that it is disabled",
+    UNEXPECTED_OFF: "that it is disabled",
 }
 
 _ALL = slice(None)
@@ -87,7 +87,7 @@ class DamiaoDriver(PolledDriver):
         n = len(wiring.motor_id)
         orders = (mit.special(word, n) for word in (mit.ENTER, mit.EXIT, mit.ZERO, mit.CLEAR))
         super().__init__(wiring, Orders(*(to_every_motor(wiring, data) for data in orders)))
-        self._settings = Settings(wiring, _NAMES, TimeOut(TIME_OUT, TIME_OUT_STEP_S), _problem)
+        self._settings = Settings(wiring, _NAMES, Timeout(TIMEOUT, TIMEOUT_STEP_S), _problem)
         self._ranges = [RANGES[model] for model in wiring.models]
         self._was_on, self._is_on = np.zeros((2, n), dtype=bool)
         self._outgoing = to_every_motor(wiring)
@@ -177,7 +177,7 @@ class DamiaoDriver(PolledDriver):
         values = self._codec.decode_replies(data, motor).values
         state = data[:, 0] >> 4
         error = np.where(state > ON, state, 0).astype(np.uint8)
-        error[(state == OFF) & self._was_on[motor]] = WENT_OFF
+        error[(state == OFF) & self._was_on[motor]] = UNEXPECTED_OFF
         self._is_on[motor] = state == ON
         self._was_on |= self._is_on
         temperature = np.maximum(data[:, 6], data[:, 7]).astype(float)

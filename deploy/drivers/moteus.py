@@ -34,16 +34,16 @@ SIZES = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64])  # possible lengths of
 WRITE, READ, REPLY = 0x00, 0x10, 0x20
 TYPES = {0: "<b", 4: "<h", 8: "<i", 12: "<f"}
 
-MODE, POSITION_COMMAND, TORQUE_LIMIT, TIME_OUT, OUTPUT_EXACT = 0x000, 0x020, 0x025, 0x027, 0x131
+MODE, POSITION_COMMAND, TORQUE_LIMIT, TIMEOUT, OUTPUT_EXACT = 0x000, 0x020, 0x025, 0x027, 0x131
 STOPPED, FAULT, POSITION, TIMED_OUT = 0, 1, 10, 11  # values of MODE
-TIME_OUT_UNIT_S = 0.001  # unit of an int16
+TIMEOUT_UNIT_S = 0.001  # unit of an int16
 
 QUERY = bytes.fromhex("11 00 1f 01 13 0d")  # mode; position, velocity, torque; voltage, temperature, fault
 STOP = bytes.fromhex("01 00 00") + QUERY
 ZERO = bytes.fromhex("0d b1 02 00 00 00 00") + QUERY  # sets the current position to 0.0
 # Position mode; six floats from 0x020 on (position, velocity, torque, scales of kp and kd, torque limit,
 # where NaN keeps the drive's own), a timeout; no limits of velocity and acceleration; no integral term.
-COMMAND_HEAD, COMMAND_TIME_OUT = bytes.fromhex("01 00 0a 0c 06 20"), bytes.fromhex("05 27")
+COMMAND_HEAD, COMMAND_TIMEOUT = bytes.fromhex("01 00 0a 0c 06 20"), bytes.fromhex("05 27")
 COMMAND_TAIL = bytes.fromhex("02 28 ff ff 01 2b 00") + QUERY
 FLOATS = slice(len(COMMAND_HEAD), len(COMMAND_HEAD) + 20)  # in a command
 
@@ -156,10 +156,10 @@ def reported_limit(data: bytes) -> float | None:
 def command_rows(timeout_s: np.ndarray, torque_limit: np.ndarray) -> tuple[np.ndarray, int]:
     """Data of command frames with zeros instead of floats, (n, 64), and their length."""
     rows, length = [], 0
-    counts = np.rint(timeout_s / TIME_OUT_UNIT_S).astype(int).tolist()
+    counts = np.rint(timeout_s / TIMEOUT_UNIT_S).astype(int).tolist()
     for count, highest in zip(counts, torque_limit.tolist(), strict=True):
         floats = bytes(20) + struct.pack("<f", highest)
-        content = COMMAND_HEAD + floats + COMMAND_TIME_OUT + struct.pack("<h", count) + COMMAND_TAIL
+        content = COMMAND_HEAD + floats + COMMAND_TIMEOUT + struct.pack("<h", count) + COMMAND_TAIL
         row, length = padded(content, 1)
         rows.append(row)
     return np.concatenate(rows), length

@@ -13,8 +13,8 @@ from footfall.deploy.frames import Frames, fd_bits
 from footfall.deploy.wiring import Wiring
 
 TURN = 2.0 * math.pi
-TIME_OUT, WENT_OFF = 200, 201  # error codes in addition to the maker's
-ERRORS = moteus.FAULTS | {TIME_OUT: "that it has timed out", WENT_OFF: "that it is disabled"}
+TIMEOUT, UNEXPECTED_OFF = 200, 201  # error codes in addition to the maker's
+ERRORS = moteus.FAULTS | {TIMEOUT: "that it has timed out", UNEXPECTED_OFF: "that it is disabled"}
 
 
 class MoteusDriver(PolledDriver):
@@ -125,8 +125,8 @@ class MoteusDriver(PolledDriver):
         motor, frames, (position, velocity, torque) = motor[usable], frames.take(usable), floats[:, usable]
         mode, fault = frames.data[:, 2].astype(int), frames.data[:, 21]
         error = np.where(mode == moteus.FAULT, np.maximum(fault, 1), 0)
-        error[mode == moteus.TIMED_OUT] = TIME_OUT
-        error[(mode == moteus.STOPPED) & self._was_on[motor]] = WENT_OFF
+        error[mode == moteus.TIMED_OUT] = TIMEOUT
+        error[(mode == moteus.STOPPED) & self._was_on[motor]] = UNEXPECTED_OFF
         self._mode[motor] = mode
         self._was_on[motor] |= mode == moteus.POSITION
         voltage, temperature = frames.data[:, 19:21].view(np.int8).astype(float).T

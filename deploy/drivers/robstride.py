@@ -24,13 +24,13 @@ import numpy as np
 from footfall.deploy.drivers.driver import CanFilter, Motors, Replies
 from footfall.deploy.drivers.mit import MotorRange
 from footfall.deploy.drivers.polled import Orders, PolledDriver, to_every_motor
-from footfall.deploy.drivers.settings import Known, Limit, Settings, TimeOut
+from footfall.deploy.drivers.settings import Known, Limit, Settings, Timeout
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.wiring import Wiring
 
 HOST = 0xFD
 CONTROL, FEEDBACK, ENABLE, STOP, ZERO, READ, WRITE, FAULT = 1, 2, 3, 4, 6, 17, 18, 21
-TIME_OUT_STEP_S = 50e-6  # unit of the timeout: in the manual, 20000 is a second
+TIMEOUT_STEP_S = 50e-6  # unit of the timeout: in the manual, 20000 is a second
 
 _TURNS = 4 * math.pi
 RANGES = {
@@ -43,14 +43,14 @@ RANGES = {
     "RS06": MotorRange(50.0, 36.0, _TURNS, kp=5000.0, kd=100.0),
 }
 
-RUN_MODE, TORQUE_LIMIT, TIME_OUT = PARAMETERS = (0x7005, 0x700B, 0x7028)
+RUN_MODE, TORQUE_LIMIT, TIMEOUT = PARAMETERS = (0x7005, 0x700B, 0x7028)
 _NAMES = {
     RUN_MODE: "run mode (parameter 0x7005)",
-    TIME_OUT: "communication timeout (parameter 0x7028)",
+    TIMEOUT: "communication timeout (parameter 0x7028)",
 }
 RUNNING = 2  # mode in a reply; 0 is disabled, 1 calibrates
 
-WENT_OFF = 64  # bit for an enabled motor that reports disabled: it has rebooted, or timed out
+UNEXPECTED_OFF = 64  # bit for an enabled motor that reports disabled: it has rebooted, or timed out
 FAULTS = {
     1: "under-voltage",
     2: "over-current",
@@ -58,7 +58,7 @@ FAULTS = {
     8: "magnetic encoder fault",
     16: "stall overload",
     32: "that it is not calibrated",
-    WENT_OFF: "that it is disabled",
+    UNEXPECTED_OFF: "that it is disabled",
 }
 
 REPORTED = 128  # codes from here on: index of the lowest set bit in a report of type 21
@@ -158,7 +158,7 @@ class RobstrideDriver(PolledDriver):
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
         limit = Limit(TORQUE_LIMIT, "torque limit (parameter 0x700b, N m)", wiring.highest)
-        self._settings = Settings(wiring, _NAMES, TimeOut(TIME_OUT, TIME_OUT_STEP_S), _problem, limit)
+        self._settings = Settings(wiring, _NAMES, Timeout(TIMEOUT, TIMEOUT_STEP_S), _problem, limit)
         self._was_on, self._is_on = np.zeros((2, n), dtype=bool)
         self._reported = np.zeros(n, np.uint8)  # codes of reported faults; 0 for none
         self._outgoing = zeros._replace(id=identifier_of(CONTROL, 0, wiring.motor_id))
@@ -216,7 +216,7 @@ class RobstrideDriver(PolledDriver):
         values = self._codec.values(words[:3], REPLIED, motor)
         running = frames.id >> 22 & 3 == RUNNING
         error = (frames.id >> 16 & 0x3F).astype(np.uint8)
-        error[~running & self._was_on[motor]] |= WENT_OFF
+        error[~running & self._was_on[motor]] |= UNEXPECTED_OFF
         self._is_on[motor] = running
         self._was_on |= self._is_on
         reported = self._reported[motor]

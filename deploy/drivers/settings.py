@@ -22,7 +22,7 @@ class Question(NamedTuple):
     write: float | None  # None: do not write the setting
 
 
-class TimeOut(NamedTuple):
+class Timeout(NamedTuple):
     """The setting with the time after which a motor without commands disables itself."""
 
     setting: int  # number of the setting; a value of 0 means never
@@ -48,7 +48,7 @@ class Settings:
         self,
         wiring: Wiring,
         names: Mapping[int, str],
-        time_out: TimeOut | None,
+        time_out: Timeout | None,
         check: Callable[[Known], str] = lambda _: "",
         limit: Limit | None = None,
     ) -> None:

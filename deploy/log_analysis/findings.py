@@ -87,7 +87,7 @@ class LogFindings:
         log = self.columns.log
         modes = self.columns.states()
         last = modes[-1][0] if modes else "no state"
-        lines = [f"It {'ended in order, in' if log.complete else 'was truncated in'} state {last}."]
+        lines = [f"It {'ended properly, in' if log.complete else 'was truncated in'} state {last}."]
         if log.damaged:
             lines.append(f"{log.damaged} damaged parts are skipped.")
         lines += [f"Fault at {time_s:.2f} s: {text}." for time_s, text in self.faults] or ["No fault."]
@@ -105,7 +105,7 @@ class LogFindings:
 
     @property
     def good(self) -> bool:
-        """Whether the run ended in order, without a fault, and with continuous measured paths."""
+        """Whether the run ended properly, without a fault, and with continuous measured paths."""
         jumped = any(finding.jumps for what, _, _, finding in self.paths() if "target" not in what)
         return self.columns.log.complete and not self.faults and not jumped
 

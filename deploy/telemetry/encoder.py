@@ -58,7 +58,7 @@ class Encoder:
             Kind.TIMING: (self._health.timing,),
         }
         self.state = "no state"  # state of the supervisor as last logged
-        self.complete = False  # the run has ended in order
+        self.complete = False  # the run has ended properly
         if "urdf" in begin:
             put("/robot_description", self._start_ns, messages.text(begin["urdf"]))
         self._transforms.begin(self._start_ns)

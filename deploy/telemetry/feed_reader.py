@@ -37,7 +37,7 @@ class FeedReader:
 
     Attributes:
         metadata: metadata of the run, as in its log: JSON by name. Complete after the first message.
-        ended: whether the run ended in order; False if its process died.
+        ended: whether the run ended properly; False if its process died.
     """
 
     def __init__(self, path: str | os.PathLike[str], timeout_s: float | None = None) -> None:

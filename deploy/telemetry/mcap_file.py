@@ -8,7 +8,7 @@ from footfall.deploy.telemetry.definitions import definition
 from footfall.deploy.telemetry.topics import TOPICS
 
 METADATA = "footfall"
-ENDED = "ended"  # metadata of a run that ended in order
+ENDED = "ended"  # metadata of a run that ended properly
 CHUNK_BYTES = 64 * 1024
 
 
@@ -45,7 +45,7 @@ class McapFile:
         self._file.close()
 
     def finish(self, complete: bool) -> None:
-        """Write the file's index, and whether the run ended in order."""
+        """Write the file's index, and whether the run ended properly."""
         if complete:
             self._writer.add_metadata(METADATA, {ENDED: "true"})
         self._writer.finish()

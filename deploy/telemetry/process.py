@@ -122,7 +122,7 @@ class Sinks:
                 self._fail(error)
 
     def end(self, complete: bool) -> None:
-        """Close the log and the feed; `complete` tells whether the run ended in order."""
+        """Close the log and the feed; `complete` tells whether the run ended properly."""
         if self._file is not None:
             try:
                 self._file.finish(complete)

@@ -110,10 +110,10 @@ def _films(comparison: Comparison, walks: Mapping[str, CourseWalk]) -> dict[str,
 
 def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[TaskResult[Film]]:
     """Films of several episodes, or the reason if this machine cannot render."""
-    return render_apart(film, tasks, workers)
+    return render_in_processes(film, tasks, workers)
 
 
-def render_apart(
+def render_in_processes(
     function: Callable[[FilmTask], T], tasks: Sequence[FilmTask], workers: int | None = None
 ) -> list[TaskResult[T]]:
     """Results of a module-level rendering function for several episodes, or the reason of its failure.

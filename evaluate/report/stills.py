@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from footfall.evaluate.report.films import FilmTask, camera_shots, render_apart
+from footfall.evaluate.report.films import FilmTask, camera_shots, render_in_processes
 from footfall.plant.trace import Trace
 
 STILL_COUNT = 5
@@ -37,7 +37,7 @@ def draw_walks(robot: Path, walks: Sequence[Walk], path: Path) -> str:
     if not seen:
         return "no controller took a step"
     tasks = [FilmTask(str(robot), None, walk.trace, (), float(walk.trace.time_s[-1])) for walk in seen]
-    outcomes = render_apart(stills, tasks)
+    outcomes = render_in_processes(stills, tasks)
     rows = [_row(walk, row.value) for walk, row in zip(seen, outcomes, strict=True) if row.value is not None]
     if not rows:
         return outcomes[0].error

@@ -14,8 +14,8 @@ from footfall.deploy.drivers.damiao import (
     READ,
     REGISTER_ID,
     REPLY_ID,
-    TIME_OUT,
-    TIME_OUT_STEP_S,
+    TIMEOUT,
+    TIMEOUT_STEP_S,
     TORQUE_MAX,
     VELOCITY_MAX,
     WHOLE,
@@ -27,9 +27,9 @@ from footfall.deploy.drivers.polled import MOTOR_IDS, motor_lookup
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
 from footfall.plant.motor_ends import mit as mit_end
-from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests, time_outs
+from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests, timeouts
 
-FACTORY_TIME_OUT = 2000  # 0.1 s
+FACTORY_TIMEOUT = 2000  # 0.1 s
 KIND = {**mit_end.KIND, mit.CLEAR: Request.CLEAR}
 
 
@@ -40,7 +40,7 @@ class DamiaoMotorEnd(PolledMotorEnd):
         {"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},
         {"can_id": REGISTER_ID, "can_mask": 0x7FF, "extended": False},
     )
-    time_out_error = COMMUNICATION_LOST
+    timeout_error = COMMUNICATION_LOST
 
     def __init__(self, wiring: Wiring, ranges: list[MotorRange] | None = None) -> None:
         """`ranges` are the motors' own; default: those of the maker's table."""
@@ -50,7 +50,7 @@ class DamiaoMotorEnd(PolledMotorEnd):
         self._codec = mit.Codec.of(ranges)
         self.registers: list[dict[int, float]] = [
             {
-                TIME_OUT: FACTORY_TIME_OUT,
+                TIMEOUT: FACTORY_TIMEOUT,
                 MODE: MIT_MODE,
                 POSITION_MAX: r.position,
                 VELOCITY_MAX: r.velocity,
@@ -63,7 +63,7 @@ class DamiaoMotorEnd(PolledMotorEnd):
 
     @property
     def timeout_s(self) -> np.ndarray:
-        return time_outs([own[TIME_OUT] for own in self.registers], TIME_OUT_STEP_S)
+        return timeouts([own[TIMEOUT] for own in self.registers], TIMEOUT_STEP_S)
 
     def requests(self, frames: Frames) -> Requests:
         motor = self._lookup[frames.channel, frames.id & 0xFF]

@@ -20,7 +20,7 @@ class MitMotorEnd(PolledMotorEnd):
     """The end of motors in MIT mode."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},)
-    time_out_error = mit.COMMUNICATION_LOST
+    timeout_error = mit.COMMUNICATION_LOST
 
     def __init__(self, wiring: Wiring) -> None:
         """Raises UserError for a motor model or a motor id that MIT mode does not support."""

@@ -20,10 +20,10 @@ class MixedMotorEnd:
         self.filters: tuple[CanFilter, ...] = tuple(each for end, _ in parts for each in end.filters)
         n = sum(len(joints) for _, joints in parts)
         self.broadcasts = any(end.broadcasts for end, _ in parts)
-        self.time_out_error: np.ndarray = np.zeros(n, np.uint64)
+        self.timeout_error: np.ndarray = np.zeros(n, np.uint64)
         self.time_out_latches: np.ndarray = np.zeros(n, bool)
         for end, joints in parts:
-            self.time_out_error[joints] = end.time_out_error
+            self.timeout_error[joints] = end.timeout_error
             self.time_out_latches[joints] = end.time_out_latches
         self._joints = np.arange(n)
         self._part_of, self._own = np.zeros(n, np.intp), np.zeros(n, np.intp)

@@ -7,7 +7,7 @@ import numpy as np
 
 from footfall.deploy.drivers import moteus
 from footfall.deploy.drivers.driver import CanFilter, Motors
-from footfall.deploy.drivers.moteus_driver import TIME_OUT, TURN
+from footfall.deploy.drivers.moteus_driver import TIMEOUT, TURN
 from footfall.deploy.drivers.polled import motor_lookup
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
@@ -29,7 +29,7 @@ class MoteusMotorEnd(PolledMotorEnd):
     """moteus controllers' end. A motor that timed out, or has a fault, stays off until it is stopped."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0x8000, "can_mask": 0x8080, "extended": True, "fd": True},)
-    time_out_error = TIME_OUT
+    timeout_error = TIMEOUT
     time_out_latches = True
 
     def __init__(self, wiring: Wiring) -> None:
@@ -122,8 +122,8 @@ class MoteusMotorEnd(PolledMotorEnd):
             return Request.STOP
         if mode != moteus.POSITION:
             return None
-        if moteus.TIME_OUT in written:
-            self._timeout_s[joint] = written[moteus.TIME_OUT] * moteus.TIME_OUT_UNIT_S
+        if moteus.TIMEOUT in written:
+            self._timeout_s[joint] = written[moteus.TIMEOUT] * moteus.TIMEOUT_UNIT_S
         return Request.RUN
 
     def reply(self, motor: Motors, report: Report) -> Frames:
@@ -132,8 +132,8 @@ class MoteusMotorEnd(PolledMotorEnd):
         data = self._data[joints].copy()
         floats = np.stack([position / TURN, velocity / TURN, torque], axis=1).astype("<f4")
         data[:, 5:17] = np.ascontiguousarray(floats).view(np.uint8)
-        fault = (report.error > 0) & (report.error != TIME_OUT)
-        off = np.where(report.error == TIME_OUT, moteus.TIMED_OUT, moteus.STOPPED)
+        fault = (report.error > 0) & (report.error != TIMEOUT)
+        off = np.where(report.error == TIMEOUT, moteus.TIMED_OUT, moteus.STOPPED)
         data[:, 2] = np.where(fault, moteus.FAULT, np.where(report.on, moteus.POSITION, off))
         data[:, 19] = min(round(report.supply[0] / moteus.VOLTAGE_UNIT), 127)
         data[:, 20] = report.temperature_c

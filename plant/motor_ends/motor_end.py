@@ -67,7 +67,7 @@ class MotorEnd(Protocol):
     broadcasts: bool  # whether motors send frames without a request
 
     @property
-    def time_out_error(self) -> int | np.ndarray:
+    def timeout_error(self) -> int | np.ndarray:
         """Error code of a motor that timed out: of all, or (n,)."""
         ...
 
@@ -114,7 +114,7 @@ class PolledMotorEnd:
     """
 
     broadcasts = False
-    time_out_error: int = 0
+    timeout_error: int = 0
     time_out_latches = False
 
     def __init__(self, wiring: Wiring) -> None:
@@ -132,6 +132,6 @@ class PolledMotorEnd:
         return None
 
 
-def time_outs(counts: Sequence[float], step_s: float) -> np.ndarray:
+def timeouts(counts: Sequence[float], step_s: float) -> np.ndarray:
     """Timeouts in s, (n,), from counts of `step_s`; a count of 0 means no timeout."""
     return np.where(np.array(counts) == 0, np.inf, np.array(counts) * step_s)

@@ -39,7 +39,7 @@ class OdriveMotorEnd:
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": message, "can_mask": 0x1F, "extended": False} for message in (*_KIND, odrive.READ)
     )
-    time_out_error = odrive.WATCHDOG
+    timeout_error = odrive.WATCHDOG
     time_out_latches = True
     broadcasts = True
 

@@ -17,8 +17,8 @@ from footfall.deploy.drivers.robstride import (
     RUN_MODE,
     RUNNING,
     STOP,
-    TIME_OUT,
-    TIME_OUT_STEP_S,
+    TIMEOUT,
+    TIMEOUT_STEP_S,
     TORQUE_LIMIT,
     WRITE,
     ZERO,
@@ -31,9 +31,9 @@ from footfall.deploy.drivers.robstride import (
 )
 from footfall.deploy.frames import EXTENDED, Frames, joined
 from footfall.deploy.wiring import Wiring
-from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests, time_outs
+from footfall.plant.motor_ends.motor_end import PolledMotorEnd, Report, Request, Requests, timeouts
 
-FACTORY_TIME_OUT = 2000  # 0.1 s
+FACTORY_TIMEOUT = 2000  # 0.1 s
 _KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE, ZERO: Request.ZERO}
 
 
@@ -41,21 +41,21 @@ class RobstrideMotorEnd(PolledMotorEnd):
     """RobStride's motors' end. `parameters` are those of each motor, by index."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0, "extended": True},)
-    time_out_error = 0  # the motor disables itself and reports no error
+    timeout_error = 0  # the motor disables itself and reports no error
 
     def __init__(self, wiring: Wiring) -> None:
         super().__init__(wiring)
         self._lookup = motor_lookup(wiring)
         self._codec = Codec(wiring.models)
         self.parameters: list[dict[int, float]] = [
-            {RUN_MODE: 0, TORQUE_LIMIT: RANGES[model].torque, TIME_OUT: FACTORY_TIME_OUT}
+            {RUN_MODE: 0, TORQUE_LIMIT: RANGES[model].torque, TIMEOUT: FACTORY_TIMEOUT}
             for model in wiring.models
         ]
         self._length = np.full(len(wiring.models), 8)
 
     @property
     def timeout_s(self) -> np.ndarray:
-        return time_outs([own[TIME_OUT] for own in self.parameters], TIME_OUT_STEP_S)
+        return timeouts([own[TIMEOUT] for own in self.parameters], TIMEOUT_STEP_S)
 
     def requests(self, frames: Frames) -> Requests:
         kind, addressee = frames.id >> 24 & 0x1F, frames.id & 0xFF

@@ -104,7 +104,7 @@ def import_robot(request: ImportRequest) -> Imported:
         drive.stiffest(machine),
     )
     protocols, beyond = choose_protocols(machine, drive, request.protocols, (walking.kp, walking.kd))
-    apart = _touching_links(model, qpos)
+    touching = _touching_links(model, qpos)
     paired, leg_pairs = with_leg_pairs(machine, pose)
     if len(machine.legs) == BIPED_LEGS and pose.knees_forward_m < 0.0:
         guesses.append(
@@ -122,8 +122,8 @@ def import_robot(request: ImportRequest) -> Imported:
     guesses.append("bus, id and protocol of each motor are placeholders, and so is the IMU's bus")
     if beyond:
         guesses.append(f"no protocol has the ranges of {shortened(beyond)}: the widest was taken")
-    if apart:
-        guesses.append(f"{len(apart)} pairs of links that overlap in the default pose do not collide")
+    if touching:
+        guesses.append(f"{len(touching)} pairs of links that overlap in the default pose do not collide")
     guesses.append(_about_leg_pairs(leg_pairs))
     origin = f"Made from {request.source.name} by footfall robot new."
 
@@ -149,7 +149,7 @@ def import_robot(request: ImportRequest) -> Imported:
 
     texts = {
         MODEL_FILE: model_xml(
-            paired, pose.height_m, apart, leg_pairs, [origin, "robot.yaml lists the guesses."]
+            paired, pose.height_m, touching, leg_pairs, [origin, "robot.yaml lists the guesses."]
         ),
         "robot.yaml": described(),
         "randomisation.yaml": randomisation_yaml(machine, pose, request.usual),

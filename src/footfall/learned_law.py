@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from footfall.train.actuator_net import NetConfig, Trained
 
 FILE = "actuator_net.npz"
-DECIDES, JUDGES = 1, 3  # indices in each four windows of a fit: validation and test
+VALIDATION, TEST = 1, 3  # indices in each four windows of a fit: validation and test
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def _kept(fit: LegFit) -> dict[Parameter, float]:
 
 
 def _trained(
-    leg: FixedLeg, fit: LegFit, recordings: Sequence[Recording], judged_apart: bool, config: "NetConfig"
+    leg: FixedLeg, fit: LegFit, recordings: Sequence[Recording], separate_test: bool, config: "NetConfig"
 ) -> "Trained":
     from footfall.train.actuator_net import train_net
 
@@ -120,12 +120,14 @@ def _trained(
     motions = [
         driven_motion(leg, each, bias, delay_s, config.window_s, fit_config.window_s) for each in recordings
     ]
-    seen = [block for block in range(fit_config.hold_out_every) if judged_apart or block != JUDGES]
+    seen = [block for block in range(fit_config.hold_out_every) if separate_test or block != TEST]
     if len(motions) > 1:
-        *motions, deciding = (_of_blocks(each, seen) for each in motions)
-        return train_net(joined_motion(motions), deciding, leg.motor, config)
-    learning = [block for block in seen if block != DECIDES]
-    return train_net(_of_blocks(motions[0], learning), _of_blocks(motions[0], [DECIDES]), leg.motor, config)
+        *motions, validation = (_of_blocks(each, seen) for each in motions)
+        return train_net(joined_motion(motions), validation, leg.motor, config)
+    learning = [block for block in seen if block != VALIDATION]
+    return train_net(
+        _of_blocks(motions[0], learning), _of_blocks(motions[0], [VALIDATION]), leg.motor, config
+    )
 
 
 def _of_blocks(motion: DrivenMotion, blocks: Sequence[int]) -> DrivenMotion:
@@ -138,16 +140,16 @@ def _of_blocks(motion: DrivenMotion, blocks: Sequence[int]) -> DrivenMotion:
 
 def _of_robot(robot: Robot, trained: Sequence[tuple[FixedLeg, "Trained"]]) -> ActuatorNet:
     """Nets of all joints; joints without training have a net without torque."""
-    like = trained[0][1].net
+    example = trained[0][1].net
 
     def empty(array: np.ndarray) -> np.ndarray:
         return np.zeros((len(robot.joint_names), *array.shape[1:]))
 
-    net = like._replace(
-        layers=tuple(empty(layer) for layer in like.layers),
-        linear=empty(like.linear),
-        scale=1.0 + empty(like.scale),
-        limit=empty(like.limit),
+    net = example._replace(
+        layers=tuple(empty(layer) for layer in example.layers),
+        linear=empty(example.linear),
+        scale=1.0 + empty(example.scale),
+        limit=empty(example.limit),
     )
     for leg, found in trained:
         for all_joints, one_leg in zip(

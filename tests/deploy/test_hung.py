@@ -87,7 +87,7 @@ class TestGuard:
 
         def damp() -> None:
             acts.append("damp" if taken_over.is_set() else "damp while the loop may send")
-            raise OSError("a bus that fails keeps it from nothing")
+            raise OSError("a failing bus must not stop the guard")
 
         began = time.perf_counter()
         taken_over = threading.Event()

@@ -15,7 +15,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import HELD, Mode
 from footfall.deploy.pose_path import PosePath
-from footfall.deploy.postures import Ending, Postures
+from footfall.deploy.postures import MotionBefore, Postures
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.injection import InjectingPolicy
 from footfall.plant.robot import PlantConfig, SimulatedRobot
@@ -89,14 +89,14 @@ class TestPostures:
         assert postures.on_legs(0.0, Mode.STANDING)
 
     @pytest.mark.parametrize(
-        ("ending", "share", "rate_rad_s"), [(Ending.STOPPED, 0.0, 8.0), (Ending.WALKING, 0.7, 12.0)]
+        ("before", "share", "rate_rad_s"), [(MotionBefore.STOPPED, 0.0, 8.0), (MotionBefore.WALKING, 0.7, 12.0)]
     )
     def test_feet_reach_the_ground_fast_and_the_rest_is_slow(
-        self, go1: Robot, ending: Ending, share: float, rate_rad_s: float
+        self, go1: Robot, before: MotionBefore, share: float, rate_rad_s: float
     ) -> None:
         """Legs are stretched by 0.3 rad. From the default pose a calf moves by 0.9 rad to lying."""
         postures, stretched = Postures(go1, CONFIG, lie_down=True), go1.default_pose + np.tile([0, 0, 0.3], 4)
-        postures.lie_down(stretched, ending)
+        postures.lie_down(stretched, before)
         fast_s = 0.5 * np.pi * (0.3 + share * 0.9) / rate_rad_s
         slow_s = 0.5 * np.pi * (1.0 - share) * 0.9 / CONFIG.pose_rate_rad_s
         between = (1.0 - share) * go1.default_pose + share * go1.lying_pose
@@ -104,8 +104,8 @@ class TestPostures:
         assert not postures.done(fast_s + slow_s + 0.29 * CONFIG.stand_s)
         assert postures.done(fast_s + slow_s + 0.3 * CONFIG.stand_s)
 
-    @pytest.mark.parametrize("ending", [Ending.STANDING, Ending.STOPPED, Ending.WALKING])
-    def test_no_posture_exceeds_the_robots_target_rate(self, go1: Robot, ending: Ending) -> None:
+    @pytest.mark.parametrize("before", [MotionBefore.STANDING, MotionBefore.STOPPED, MotionBefore.WALKING])
+    def test_no_posture_exceeds_the_robots_target_rate(self, go1: Robot, before: MotionBefore) -> None:
         """At 0.1 rad/s a path takes pi / 2 times as long as at a constant rate.
 
         A calf moves 0.3 rad to standing and 0.9 rad to lying.
@@ -114,7 +114,7 @@ class TestPostures:
         postures = Postures(slow, CONFIG, lie_down=True)
         stretched = go1.default_pose + np.tile([0.0, 0.0, 0.3], 4)
         way_s = 0.5 * np.pi * 1.2 / 0.1
-        postures.lie_down(stretched, ending)
+        postures.lie_down(stretched, before)
         assert not postures.done(way_s + 0.29 * CONFIG.stand_s)
         assert postures.done(way_s + 0.3 * CONFIG.stand_s)
         postures.stand_up(go1.lying_pose, LEVEL)

@@ -78,8 +78,8 @@ class TestSettings:
     def own(self, end: Any) -> tuple[dict[int, float], int]:
         """Settings of the knee's motor, and the index of its time-out: 2000 are 0.1 s, 20 000 are 1 s."""
         if hasattr(end, "registers"):
-            return end.registers[1], damiao.TIME_OUT
-        return end.parameters[1], robstride.TIME_OUT
+            return end.registers[1], damiao.TIMEOUT
+        return end.parameters[1], robstride.TIMEOUT
 
     @pytest.mark.parametrize(("setting", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
     def test_a_wrong_timeout_is_set_and_read_back(self, wiring: Wiring, setting: int, kept: int) -> None:

@@ -103,7 +103,7 @@ def test_errors_are_those_of_the_makers_manual(go1: Robot) -> None:
     driver = MitDriver(wiring_of(go1))
     known = ["over-temperature", "over-current", "over-voltage", "under-voltage", "encoder error"]
     assert [driver.error_name(code) for code in range(1, 7)] == [*known, "phase imbalance"]
-    assert "timeout" in driver.error_name(MitMotorEnd.time_out_error)
+    assert "timeout" in driver.error_name(MitMotorEnd.timeout_error)
     assert driver.error_name(99) == "error 99"
 
 

@@ -16,11 +16,11 @@ import pytest
 from physics_parity import STEPS, random_arguments
 
 from footfall.envs.physics.generated import driver, handler, kernels, nvrtc, on_gpu
-from footfall.envs.physics.generated.alike import substep_by_threads
 from footfall.envs.physics.generated.arguments import arguments
 from footfall.envs.physics.generated.cuda import NAME, kernel_source, lanes_of
 from footfall.envs.physics.generated.driver import DriverError
 from footfall.envs.physics.generated.handler import Launch
+from footfall.envs.physics.generated.limb_program import substep_by_threads
 from footfall.envs.physics.generated.llvm import Program
 from footfall.envs.physics.generated.nvrtc import NvrtcError
 from footfall.envs.physics.generated.substep import SINGLE, substep
@@ -120,9 +120,9 @@ def test_the_kernel_computes_the_same_as_the_program_for_processors(
     pointers = (ctypes.c_void_p * len(beside))(*(a.ctypes.data for a in beside))
     ctypes.CDLL(str(library)).all(-(-ROBOTS * lanes_of(own) // BLOCK), BLOCK, pointers)
     for each, found, alone in zip(outputs, beside[len(arrays) :], expected, strict=True):
-        apart = np.abs(np.moveaxis(found, -1, 0) - alone).reshape(ROBOTS, -1).max(axis=1)
+        difference = np.abs(np.moveaxis(found, -1, 0) - alone).reshape(ROBOTS, -1).max(axis=1)
         # In single precision four iterations for an elliptic cone end at different points now and then.
-        assert np.quantile(apart, 0.75 if exact else 1.0) < 1e-4 * np.abs(alone).max(), each.name
+        assert np.quantile(difference, 0.75 if exact else 1.0) < 1e-4 * np.abs(alone).max(), each.name
 
 
 def test_limbs_that_differ_are_computed_by_one_thread(tmp_path: Path) -> None:

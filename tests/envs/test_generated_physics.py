@@ -172,9 +172,9 @@ def test_each_foot_may_touch_the_edge_of_another_level(name: str, height: float)
     given[GROUND] = np.tile(ground, (2 * COUNT, points, 1))
     found = compare(robot, flat, given, other=on_step(robot, low, high, away, 0.05))
     assert (found.contacts > 0).mean() > 0.3
-    apart = found.errors.max(axis=1)
+    difference = found.errors.max(axis=1)
 
-    assert np.quantile(apart, 0.7) < DOUBLE
+    assert np.quantile(difference, 0.7) < DOUBLE
 
 
 def on_step(robot: Robot, low: float, high: float, away: np.ndarray, edge: float) -> mujoco.MjModel:

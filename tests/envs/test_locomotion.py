@@ -332,7 +332,7 @@ def test_physics_steps_are_as_short_as_joints_need(rate_hz: float, substeps: int
 
 
 class TestStillStep:
-    """Effects of a step apart from physics, with a fake physics in which nothing moves."""
+    """Effects of a step without physics, with a fake physics in which nothing moves."""
 
     @pytest.fixture(scope="class")
     @classmethod

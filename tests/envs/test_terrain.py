@@ -87,10 +87,12 @@ def test_a_standing_robot_rests_as_on_mujocos_ground(env: Any, begun: State, go1
     other = Motion(state.qpos, state.qvel, state.qacc_warmstart)
     for _ in range(25):
         state, other = both(state, other)
-    apart = np.abs(np.asarray(state.qpos - other.qpos)).max(axis=1)
+    difference = np.abs(np.asarray(state.qpos - other.qpos)).max(axis=1)
     assert np.isfinite(np.asarray(state.qpos)).all()
     # MuJoCo's height fields hold a foot by several contacts.
-    assert np.median(apart) < (0.005 if KINDS[kind]["shape"] in ("stairs", "blocks") else 0.02), apart
+    assert np.median(difference) < (0.005 if KINDS[kind]["shape"] in ("stairs", "blocks") else 0.02), (
+        difference
+    )
 
 
 def test_success_leads_to_harder_ground(env: Any, begun: State) -> None:

@@ -77,9 +77,9 @@ def test_an_impossible_scenario_is_refused_with_its_field(tmp_path: Path) -> Non
 class TestCommandsOfARobot:
     """Commands in scenarios are shares of the robot's range of commands."""
 
-    ASKED = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
+    RANGES = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
 
-    OTHER = replace(ROBOT, description=replace(ROBOT.description, commands=ASKED))
+    OTHER = replace(ROBOT, description=replace(ROBOT.description, commands=RANGES))
 
     def test_a_share_of_one_is_the_highest_command_and_minus_one_the_lowest(self) -> None:
         drawn = load_scenarios(self.OTHER).scenarios["nominal"].commands
@@ -197,6 +197,6 @@ def test_a_level_overrides_the_drawn_value() -> None:
     assert sample.keys() > {"friction", "motor_strength"}
 
 
-def test_more_episodes_than_anyone_waits_for_are_refused() -> None:
+def test_too_many_episodes_are_refused() -> None:
     with pytest.raises(UserError, match="100001 episodes of push"):
         plan_episodes("push", FILE.scenarios["push"], 0, 100_001)

@@ -34,7 +34,7 @@ class End:
     """A motor protocol whose frames are given as requests; replies are kept."""
 
     filters = ()
-    time_out_error = 13
+    timeout_error = 13
     time_out_latches = False
     timeout_s = np.full(3, np.nan)
     broadcasts = False

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from import_apart import ROOT, import_apart
+from import_in_process import ROOT, import_in_process
 
 COMMAND_LINE = "src/footfall"  # whose folder links to the others
 COMMAND_LINE_MODULES = {path.stem for path in (ROOT / COMMAND_LINE).glob("*.py")} - {"__init__"} | {"verbs"}
@@ -156,17 +156,17 @@ def without_report(names: list[str]) -> list[str]:
 
 
 def test_modules_that_act_and_the_command_line_import_without_jax_and_torch() -> None:
-    import_apart(importable(*ACTING, COMMAND_LINE), LEARNING_ONLY)
+    import_in_process(importable(*ACTING, COMMAND_LINE), LEARNING_ONLY)
 
 
 def test_only_the_report_needs_plotting_libraries() -> None:
     names = without_report(importable(*ACTING, COMMAND_LINE))
-    import_apart([*names, "footfall.evaluate.report.extra"], DRAWING)
+    import_in_process([*names, "footfall.evaluate.report.extra"], DRAWING)
 
 
 def test_a_blocked_module_cannot_be_imported() -> None:
     with pytest.raises(AssertionError, match="jax is out of reach"):
-        import_apart(["jax"], LEARNING_ONLY)
+        import_in_process(["jax"], LEARNING_ONLY)
 
 
 def test_acting_packages_import_fast_and_without_learning(capsys: pytest.CaptureFixture[str]) -> None:
@@ -175,7 +175,7 @@ def test_acting_packages_import_fast_and_without_learning(capsys: pytest.Capture
     Modules of the report are tested above.
     """
     for _ in range(3):
-        seconds, loaded = import_apart(without_report(importable(*ACTING)))
+        seconds, loaded = import_in_process(without_report(importable(*ACTING)))
         if seconds < IMPORT_BUDGET_S:
             break
     with capsys.disabled():

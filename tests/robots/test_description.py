@@ -178,7 +178,7 @@ def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path
 
 
 def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder: Path, go1: Robot) -> None:
-    """Joints are listed in reverse, a tail has no motor, and no two joints are alike."""
+    """Joints are listed in reverse, a tail has no motor, and all joints differ."""
     xml, declaration = own_folder / "robot.xml", own_folder / "robot.yaml"
     tail = '<body name="tail"><joint name="tail" range="-9 9" frictionloss="8" damping="7" armature="6"/>'
     text = xml.read_text().replace(

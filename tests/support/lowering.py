@@ -10,7 +10,7 @@ PROGRAMS = 200  # of one context, which keeps all their constants
 def share_contexts() -> None:
     """Programs that are compiled one after the other have one context, if JAX has been imported.
 
-    Other threads compile in separate contexts; this thread does so at the same time. JAX 0.11 shares contexts
+    While another thread runs, every program has a context of its own. JAX 0.11 shares contexts
     by itself.
     """
     try:

@@ -4,12 +4,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from import_apart import import_apart
+from import_in_process import import_in_process
 from shell import Shell
 
 
 def test_training_with_brax_needs_no_torch() -> None:
-    import_apart(["footfall.train.api"], blocked=("torch", "rsl_rl", "tensordict"))
+    import_in_process(["footfall.train.api"], blocked=("torch", "rsl_rl", "tensordict"))
 
 
 @pytest.mark.parametrize("missing", ["torch", "rsl_rl"])

@@ -21,7 +21,7 @@ from footfall.train.origin import (
 DAMAGES = (OSError, EOFError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, PickleError)
 
 
-def take_over(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> Sequence[str]:
+def copy_networks(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -> Sequence[str]:
     """Copy networks and normalisers of a checkpoint or of an exported policy into fresh networks.
 
     Args:

@@ -22,7 +22,7 @@ from footfall.train.actor import LOGGED_OBSERVATIONS, Actor
 from footfall.train.export import export
 from footfall.train.rsl_rl.environment import TorchEnvironment
 from footfall.train.rsl_rl.settings import runner_settings
-from footfall.train.rsl_rl.start import DAMAGES, take_over
+from footfall.train.rsl_rl.start import DAMAGES, copy_networks
 from footfall.train.rsl_rl.symmetry import make_augmentation
 from footfall.train.runs import checkpoint
 from footfall.train.runs.failure import TrainingFailedError, non_finite_leaves, not_finite
@@ -66,7 +66,9 @@ class RslRlTrainer(Trainer):
     def start_from(self, path: Path) -> list[str]:
         """Take over networks and normalisers; see `footfall.train.trainer.Trainer`."""
         algorithm = self.runner.alg
-        return list(take_over(path, algorithm.get_policy(), algorithm.critic, self._ppo.steps_per_iteration))
+        return list(
+            copy_networks(path, algorithm.get_policy(), algorithm.critic, self._ppo.steps_per_iteration)
+        )
 
     def iterate(self) -> dict[str, float]:
         """Roll out and learn once; returns metrics under the names of the JAX trainer.

@@ -1,4 +1,4 @@
-"""A robot of alike limbs as the sum of robots with one limb each, which share the base.
+"""A robot of identical limbs as the sum of robots with one limb each, which share the base.
 
 All these robots have the same base, and each has an equal share of its inertia. Energies, forces on the base
 and the base's entries of matrices are then sums over the limbs. A contact between two limbs adds one
@@ -19,8 +19,8 @@ GEOMETRY = ("rotation", "position", "axis")  # of a hinge
 MAX_PAIRS = 6  # contacts between limbs: all limbs compute the forces of all
 
 
-class NotAlikeError(Exception):
-    """The robot has no alike limbs; the message is the reason."""
+class LimbsDifferError(Exception):
+    """The robot's limbs differ; the message is the reason."""
 
 
 class Pair(NamedTuple):
@@ -77,14 +77,14 @@ def limbs_of(model: mujoco.MjModel, tree: Tree) -> tuple[list[Part], list[tuple[
     """The limbs, and the partner of each limb in each slot.
 
     Raises:
-        NotAlikeError: limbs differ in more than numbers.
+        LimbsDifferError: limbs differ in more than numbers.
     """
     families: dict[int, list[int]] = {}
     for link in range(len(tree.hinges)):
         families.setdefault(tree.chain(link)[0], []).append(link)
     limbs = [Part(tree.limb(links), len(families)) for links in families.values()]
     if len(limbs) < 2 or len({tuple(h.parent for h in limb.tree.hinges) for limb in limbs}) > 1:
-        raise NotAlikeError("limbs are not alike")
+        raise LimbsDifferError("limbs differ")
     _separate_numbers(limbs)
     geoms = [list(_geoms(model, limb.tree)) for limb in limbs]
     home = {geom: (n, k) for n, own in enumerate(geoms) for k, geom in enumerate(own)}
@@ -97,7 +97,7 @@ def limbs_of(model: mujoco.MjModel, tree: Tree) -> tuple[list[Part], list[tuple[
         if len(owners) == 2:
             between.append(geom_pair)
     if len(between) > MAX_PAIRS or any(geom_pair.dimensions != SMOOTH for geom_pair in between):
-        raise NotAlikeError("limbs touch each other in many contacts, or with friction")
+        raise LimbsDifferError("limbs touch each other in many contacts, or with friction")
     return limbs, list(_pair_up(limbs, geoms, home, between))
 
 

@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 
 from footfall.envs.physics.generated import on_gpu, on_processor
-from footfall.envs.physics.generated.alike import substep_by_threads
 from footfall.envs.physics.generated.arguments import arguments
 from footfall.envs.physics.generated.geom_pairs import contact_refusals
+from footfall.envs.physics.generated.limb_program import substep_by_threads
 from footfall.envs.physics.generated.substep import SINGLE, Substep, substep
 from footfall.envs.physics.generated.tree import refusals
 from footfall.envs.physics.interface import Drive, Fields, Motion, Physics, Trace

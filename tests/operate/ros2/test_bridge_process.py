@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from import_apart import ROOT
+from import_in_process import ROOT
 from walking_run import WALKING, abilities, eventually
 
 from footfall.common.errors import UserError

@@ -24,7 +24,7 @@ print(json.dumps([time.process_time() - began, sorted(sys.modules)]))
 """
 
 
-def import_apart(names: list[str], blocked: tuple[str, ...] = ()) -> tuple[float, list[str]]:
+def import_in_process(names: list[str], blocked: tuple[str, ...] = ()) -> tuple[float, list[str]]:
     """Import modules in a fresh interpreter in which some packages cannot be imported.
 
     Returns:

@@ -1,17 +1,17 @@
-"""Programs of alike limbs as one program, whose numbers and places in arrays may differ from limb to limb."""
+"""Merges the programs of identical limbs: constants and array indices may differ from limb to limb."""
 
 from collections.abc import Iterable, Sequence
 
 import mujoco
 
 from footfall.envs.physics.generated.expression import Expression, Graph, Operand, Scalar
-from footfall.envs.physics.generated.limbs import NotAlikeError, limbs_of
+from footfall.envs.physics.generated.limbs import LimbsDifferError, limbs_of
 from footfall.envs.physics.generated.substep import Precision, Substep, Values, substep
 from footfall.envs.physics.generated.tree import read_tree
 from footfall.robots.description import Robot
 
 LEAVES = {"input", "variable", "constant"}  # whose operands are no expressions
-Each = tuple[Scalar, ...]  # of each limb
+PerLimb = tuple[Scalar, ...]  # one value for each limb
 
 
 def substep_by_threads(
@@ -21,12 +21,12 @@ def substep_by_threads(
     precision: Precision,
     effects: tuple[str, ...] = (),
 ) -> Substep:
-    """The same as `substep`, as the program of any limb if the robot's limbs are alike."""
+    """The same as `substep`, as one program for each limb if the robot's limbs are identical."""
     try:
         parts, partners = limbs_of(model, read_tree(model))
         steps = [substep(model, robot, fields, precision, effects, part) for part in parts]
         results = iter(merged(step.results for step in steps))
-    except NotAlikeError:
+    except LimbsDifferError:
         return substep(model, robot, fields, precision, effects)
 
     def of_limbs(arrays: Sequence[dict[str, Values]]) -> dict[str, Values]:
@@ -42,16 +42,16 @@ def substep_by_threads(
 
 
 def merged(outputs: Iterable[Sequence[Scalar]]) -> list[Scalar]:
-    """The outputs of one program, from the outputs of each limb's.
+    """Outputs of the merged program, from the outputs of each limb's program.
 
     Raises:
-        NotAlikeError: the limbs' programs have different operations.
+        LimbsDifferError: the limbs' programs have different operations.
     """
     programs = list(outputs)
     if len({len(program) for program in programs}) > 1:
-        raise NotAlikeError("limbs are not alike")
+        raise LimbsDifferError("limbs differ")
     results = list(zip(*programs, strict=True))
-    graph, made = Graph(), dict[Each, Scalar]()
+    graph, made = Graph(), dict[PerLimb, Scalar]()
 
     def operand(values: tuple[Operand, ...], operation: str = "") -> Operand:
         if isinstance(values[0], Expression):
@@ -68,15 +68,15 @@ def merged(outputs: Iterable[Sequence[Scalar]]) -> list[Scalar]:
     return [operand(values) for values in results]
 
 
-def _operands_first(results: list[Each]) -> list[Each]:
+def _operands_first(results: list[PerLimb]) -> list[PerLimb]:
     """All nodes that these nodes need; corresponding nodes of the limbs are side by side."""
-    found, waiting = set[Each](), list(results)
+    found, waiting = set[PerLimb](), list(results)
     while waiting:
         values = waiting.pop()
         if values in found or not any(isinstance(value, Expression) for value in values):
             continue
         if len({_kind(value) for value in values}) > 1:
-            raise NotAlikeError("limbs are not alike")
+            raise LimbsDifferError("limbs differ")
         found.add(values)
         if values[0].operation not in LEAVES:
             waiting.extend(zip(*(value.operands for value in values), strict=True))
