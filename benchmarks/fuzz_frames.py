@@ -107,8 +107,8 @@ class Wires:
         self._buses = len(wiring.buses)
         self._good = {True: joined([*from_motors, inertial]), False: joined(commands)}
         # A simulated bus, and some real ones, hand out the same arrays of ids again and again.
-        usual = from_motors[:1] if len(replies.id) else from_motors[1:2]
-        self._usual = {True: [*usual, inertial, joined([*usual, inertial])], False: commands[:3]}
+        typical = from_motors[:1] if len(replies.id) else from_motors[1:2]
+        self._typical = {True: [*typical, inertial, joined([*typical, inertial])], False: commands[:3]}
 
     def batches(self, rng: np.random.Generator, from_motors: bool) -> list[Frames]:
         """Input of one end: a batch of `BATCH` frames, or batches in reused arrays with at least as many."""
@@ -116,7 +116,7 @@ class Wires:
             return [self._frames(rng, from_motors)]
         found: list[Frames] = []
         while sum(len(frames.id) for frames in found) < BATCH:
-            found.append(with_other_data(self._usual[from_motors], rng))
+            found.append(with_other_data(self._typical[from_motors], rng))
         return found
 
     def _frames(self, rng: np.random.Generator, from_motors: bool) -> Frames:
@@ -138,9 +138,9 @@ class Wires:
         return Frames(channel, identifier, data, length)
 
 
-def with_other_data(usual: Sequence[Frames], rng: np.random.Generator) -> Frames:
+def with_other_data(typical: Sequence[Frames], rng: np.random.Generator) -> Frames:
     """One of the batches, with its own arrays of ids, and with none, few or many data bits flipped."""
-    frames = usual[int(rng.integers(len(usual)))]
+    frames = typical[int(rng.integers(len(typical)))]
     return frames._replace(data=flipped(frames.data, rng.choice([0.0, 0.01, 0.5]), rng))
 
 

@@ -56,7 +56,7 @@ def walk(trial: Trial) -> dict[str, Any]:
     episode = Episode(lambda _: ahead, WALK_TIMEOUT_S, seed=trial.seed, noise=noise, record_rate_hz=20.0)
     trace = run_episode(robot, policy, episode, watch)
     yaw = np.unwrap([float(heading(quaternion)) for quaternion in trace.base_quaternion])
-    went = heading_matrix(-yaw[0]) @ (trace.base_position[-1] - trace.base_position[0])
+    displacement = heading_matrix(-yaw[0]) @ (trace.base_position[-1] - trace.base_position[0])
     height = trace.base_position[:, 2]
     late = len(height) // 4
     return {
@@ -64,9 +64,9 @@ def walk(trial: Trial) -> dict[str, Any]:
         "fell": trace.fell,
         "faults": list(trace.faults),
         "notes": list(trace.notes),
-        "distance_m": float(went[0]),
-        "speed_m_s": float(went[0] / max(trace.time_s[-1], 1e-9)),
-        "sideways_percent": 100.0 * float(abs(went[1])) / max(float(went[0]), 1e-9),
+        "distance_m": float(displacement[0]),
+        "speed_m_s": float(displacement[0] / max(trace.time_s[-1], 1e-9)),
+        "sideways_percent": 100.0 * float(abs(displacement[1])) / max(float(displacement[0]), 1e-9),
         "turned_deg": math.degrees(abs(yaw[-1] - yaw[0])),
         "lowest_m": float(height[late:].min()),
         "sunk_m": float(height[late : 2 * late].mean() - height[-late:].mean()) if late else 0.0,

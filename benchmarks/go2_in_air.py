@@ -56,7 +56,7 @@ def legs_of(model: str) -> tuple[tuple[str, ...], tuple[FixedLeg, ...]]:
     """Joint names and legs of an MJCF's robot."""
     with tempfile.TemporaryDirectory() as folder:
         request = ImportRequest(
-            Path(model), Path(folder) / "robot", RANGES, usual=default_ranges(), gaits_of=gaits_of
+            Path(model), Path(folder) / "robot", RANGES, defaults=default_ranges(), gaits_of=gaits_of
         )
         robot = load_robot(import_robot(request).folder)
         return robot.joint_names, fixed_legs(robot)

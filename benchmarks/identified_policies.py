@@ -187,8 +187,8 @@ def row_of(policy: str, scenario: str, found: list[EpisodeMetrics]) -> dict:
 
     def rms(name: str) -> float:
         squares = np.array([getattr(each, name) for each in found])
-        told = np.isfinite(squares) & (scored > 0.0)
-        return math.sqrt(float(np.average(squares[told], weights=scored[told])))
+        known = np.isfinite(squares) & (scored > 0.0)
+        return math.sqrt(float(np.average(squares[known], weights=scored[known])))
 
     distance = sum(each.distance_m for each in found)
     return {

@@ -58,7 +58,7 @@ def trial(folders: dict[str, Path], task: Trial) -> dict[str, Any]:
             model,
             Path(folder) / "robot",
             RANGES,
-            usual=default_ranges(),
+            defaults=default_ranges(),
             gaits_of=gaits_of,
             **entry.get("options", {}),
         )

@@ -154,14 +154,14 @@ def follow(walk: Walk) -> dict[str, Any]:
     )
     trace = run_episode(robot, policy, episode, recorder)
     true = np.array([row["true"] for row in recorder.rows])
-    way = float(np.linalg.norm(np.diff(true[:, :2], axis=0), axis=1).sum())
-    off = float(np.linalg.norm(recorder.rows[-1]["error"][:2]))
+    distance = float(np.linalg.norm(np.diff(true[:, :2], axis=0), axis=1).sum())
+    error = float(np.linalg.norm(recorder.rows[-1]["error"][:2]))
     return {
         **walk._asdict(),
         "fell": trace.fell,
-        "distance_m": way,
-        "error_m": off,
-        "drift_percent": 100.0 * off / way if way > LONG_ENOUGH_M else None,
+        "distance_m": distance,
+        "error_m": error,
+        "drift_percent": 100.0 * error / distance if distance > LONG_ENOUGH_M else None,
         "rows": recorder.rows,
     }
 
@@ -208,7 +208,10 @@ def table(walks: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def write(rows: list[dict[str, Any]]) -> None:
     """Print the table, in Markdown."""
-    print("| robot | policy | plant | walks (fell) | way, m | drift: median, p95, max, % | within 2 sigma |")
+    print(
+        "| robot | policy | plant | walks (fell) | distance, m | drift: median, p95, max, % |"
+        " within 2 sigma |"
+    )
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for row in rows:
         inside = ", ".join(f"{name} {share:.2f}" for name, share in row["within_two_sigma"].items())

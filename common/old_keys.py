@@ -22,6 +22,7 @@ CURRENT_KEYS = {
     "most_tilt_rad": "max_tilt_rad",
     "most_yaw_lead_rad": "max_yaw_lead_rad",
     "no_solution.most_s": "max_s",
+    "recovery.again_s": "same_fall_s",
     "recovery.asked": "on_request",
     "sensors.ignored": "commands_ignored",
     "sensors.ignored_s": "commands_ignored_s",

@@ -20,19 +20,22 @@ class CommandLimits:
     """Clips commands to a policy's ranges, with one note for each axis."""
 
     def __init__(
-        self, ranges: CommandRange | None, notes: list[str] | None = None, usual: CommandRange | None = None
+        self,
+        ranges: CommandRange | None,
+        notes: list[str] | None = None,
+        fallback: CommandRange | None = None,
     ) -> None:
         """Without ranges, only values that are not finite change: to 0.
 
         Args:
             ranges: command ranges of the policy.
             notes: list to which notes are appended.
-            usual: ranges for `reduce` if the policy has none.
+            fallback: ranges for `reduce` if the policy has none.
         """
         everything = (-math.inf, math.inf)
         self._ranges = (everything,) * 3 if ranges is None else _pairs(ranges)
         self.notes = [] if notes is None else notes
-        reduced = self._ranges if ranges is not None or usual is None else _pairs(usual)
+        reduced = self._ranges if ranges is not None or fallback is None else _pairs(fallback)
         self._reduced = np.array(reduced)
         self._noted: set[int] = set()
 

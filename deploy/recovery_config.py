@@ -11,7 +11,7 @@ class RecoveryConfig:
     """Start, success and end of the tries."""
 
     tries: int = 3  # after one fall; afterwards the robot stays down
-    again_s: float = 3.0  # walking time before which a fall counts as the same fall
+    same_fall_s: float = 3.0  # walking time before which a fall counts as the same fall
     try_s: float = 6.0  # longest time of a try
     unfold_s: float = 1.0  # motion of the joints to the default pose at first, which separates crossed limbs
     on_request: bool = False  # each fall waits for an operator's request; otherwise --recover is enough
@@ -28,7 +28,7 @@ class RecoveryConfig:
         require_between(self, 1, 100, "tries")
         require_between(self, 0.1, 60.0, "try_s")
         require_between(self, 0.1, 3600.0, "wait_s")
-        require_between(self, 0.0, 60.0, "again_s", "rest_s", "stand_s")
+        require_between(self, 0.0, 60.0, "same_fall_s", "rest_s", "stand_s")
         require_between(self, 0.0, self.try_s, "unfold_s")
         require_between(self, 0.01, 100.0, "rest_rad_s", "stand_rad_s")
         require_between(self, 0.01, math.pi / 2, "upright_rad")

@@ -119,7 +119,7 @@ def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -
 
 def _walked_well(state: State, signals: Signals, config: SafetyConfig) -> bool:
     """Whether the robot has walked long enough that a new fault is unrelated to the fall."""
-    return state.mode in DECIDING and signals.now_s - state.since_s >= config.recovery.again_s
+    return state.mode in DECIDING and signals.now_s - state.since_s >= config.recovery.same_fall_s
 
 
 def _lowered_or(otherwise: Mode, mode: Mode, signals: Signals) -> Mode:

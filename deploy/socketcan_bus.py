@@ -74,7 +74,7 @@ class SocketCanBus:
         """
         self._pacing = Pacing(len(names), queue_frames)
         self._arrivals = Arrivals()
-        self._usual = Layout(np.zeros(0, FRAME), [0] * len(names))  # layout of the previous batch
+        self._last_layout = Layout(np.zeros(0, FRAME), [0] * len(names))  # layout of the previous batch
         self._statistics = [BusStatistics(name) for name in names]
         self._faults = [""] * len(names)
         self._sockets: list[socket.socket] = []
@@ -112,11 +112,13 @@ class SocketCanBus:
         time_us = self._arrivals.times_us(stamp["s"] + 1e-9 * stamp["ns"], now_us)
         if not contents:
             return []
-        usual = self._usual = self._usual if self._usual.is_of(packed, counts) else Layout(packed, counts)
-        frames = usual.frames(packed["data"], time_us)
-        if usual.errors.any():
-            self._note_errors(frames.take(usual.errors))
-            frames = frames.take(~usual.errors)
+        layout = self._last_layout
+        if not layout.is_of(packed, counts):
+            layout = self._last_layout = Layout(packed, counts)
+        frames = layout.frames(packed["data"], time_us)
+        if layout.errors.any():
+            self._note_errors(frames.take(layout.errors))
+            frames = frames.take(~layout.errors)
             counts = np.bincount(frames.channel, minlength=len(counts)).tolist()
         for statistics, count in zip(self._statistics, counts, strict=True):
             statistics.frames_received += count

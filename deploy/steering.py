@@ -53,7 +53,7 @@ class Steering:
         source: CommandSource,
         policies: Sequence[Policy],
         stop_sources: Sequence[StopSource] = (),
-        usual: CommandRange | None = None,
+        fallback: CommandRange | None = None,
         get_up: str = "",
     ) -> None:
         """Without any request yet.
@@ -62,7 +62,7 @@ class Steering:
             source: source of commands.
             policies: selectable policies; starts with the first one.
             stop_sources: further sources of stops.
-            usual: the robot's command ranges, which are reduced for a low battery if the policy has none.
+            fallback: the robot's command ranges, which are reduced for a low battery if the policy has none.
             get_up: name of the policy for getting up after a fall; empty for none.
         """
         self._source, self._stop_sources = source, (source, *stop_sources)
@@ -73,7 +73,7 @@ class Steering:
             policy.name: offer_of(policy)._replace(policies=names, get_up=get_up) for policy in policies
         }
         self._all_limits = {
-            name: CommandLimits(offer.commands, self.notes, usual) for name, offer in self._offers.items()
+            name: CommandLimits(offer.commands, self.notes, fallback) for name, offer in self._offers.items()
         }
         self._request, self._checked = Request(ZERO_COMMAND, autonomous=self._velocity is not None), True
         self._changes: list[Change] = []

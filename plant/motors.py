@@ -216,7 +216,7 @@ class SimulatedMotors:
 
     def _locked(self) -> np.ndarray:
         """Which motors cannot be enabled until their errors are cleared."""
-        return (self.faults.latched != 0) | (self._watchdog.timed_out & self._end.time_out_latches)
+        return (self.faults.latched != 0) | (self._watchdog.timed_out & self._end.timeout_latches)
 
     def _note_enabled(self) -> None:
         self._any_enabled, self._all_enabled = bool(self.enabled.any()), bool(self.enabled.all())

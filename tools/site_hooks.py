@@ -52,14 +52,14 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     origin = _origin(uri)
     filled = STATES.sub(_as_table, GENERATED.sub(lambda match: reference.SECTIONS[match[1]](), markdown))
 
-    def turned(match: re.Match[str]) -> str:
+    def redirected(match: re.Match[str]) -> str:
         target = _target(origin, match[2])
         if target is None or (target.startswith(DOCS) and uri.startswith(DOCS)):
             return match[0]
         to = target.removeprefix(DOCS) if target.startswith(DOCS) else _source_uri(target)
         return f"{match[1]}{relpath(to, dirname(uri) or '.')}{match[3]}"
 
-    return _outside_code(filled, lambda text: LINK.sub(turned, text))
+    return _outside_code(filled, lambda text: LINK.sub(redirected, text))
 
 
 def _as_table(diagram: re.Match[str]) -> str:

@@ -285,10 +285,10 @@ def _with_own_ranges(preset: dict[str, Any], robot: Robot) -> dict[str, Any]:
     The latter, such as torque lag, backlash or jitter, is not in domain_rand/default.yaml.
     """
     randomised = preset["env"].get("randomisation", {})
-    usual = default_ranges()
+    defaults = default_ranges()
     own = {
         name: unstructure(range_)
         for name, range_ in own_ranges(robot).items()
-        if name in randomised or (randomised and name not in usual and policies_notice(name))
+        if name in randomised or (randomised and name not in defaults and policies_notice(name))
     }
     return merged(preset, {"env": {"randomisation": own}})

@@ -91,7 +91,7 @@ class DamiaoDriver(PolledDriver):
         self._ranges = [RANGES[model] for model in wiring.models]
         self._was_on, self._is_on = np.zeros((2, n), dtype=bool)
         self._outgoing = to_every_motor(wiring)
-        self._usual: Layout | None = None  # layout of the last batch with all motors in joint order
+        self._last_layout: Layout | None = None  # layout of the last batch with all motors in joint order
         self._use(self._ranges)
 
     @staticmethod
@@ -159,7 +159,7 @@ class DamiaoDriver(PolledDriver):
 
     def replies(self, frames: Frames) -> Replies:
         about_registers = _about_registers(frames.data)
-        if layout_of(frames) == self._usual and not np.count_nonzero(about_registers):
+        if layout_of(frames) == self._last_layout and not np.count_nonzero(about_registers):
             return self._decoded(frames, _ALL)
         sender = self.senders(frames)
         motor = self._lookup[frames.channel, sender]
@@ -169,7 +169,7 @@ class DamiaoDriver(PolledDriver):
             self._note_registers(frames.data[register_frames], motor[register_frames])
         usable &= ~about_registers
         if usable.all() and np.array_equal(motor, np.arange(len(self._was_on))):
-            self._usual = layout_of(frames)
+            self._last_layout = layout_of(frames)
         return self._decoded(frames.take(usable), motor[usable])
 
     def _decoded(self, frames: Frames, motor: Motors) -> Replies:

@@ -121,8 +121,8 @@ def read_columns(path: Path) -> LogColumns:
 def _column(rows: list[tuple[int, bytes]], start_ns: int) -> Column:
     """Values at the ends of messages; messages with an unusual length are ignored."""
     ((size, _),) = Counter(len(content) for _, content in rows).most_common(1)
-    usual = [(time_ns, content) for time_ns, content in rows if len(content) == size]
+    complete = [(time_ns, content) for time_ns, content in rows if len(content) == size]
     numbers = (size - 4) // 8
-    values = np.frombuffer(b"".join(content[size - 8 * numbers :] for _, content in usual), "<f8")
-    times = np.array([time_ns for time_ns, _ in usual])
+    values = np.frombuffer(b"".join(content[size - 8 * numbers :] for _, content in complete), "<f8")
+    times = np.array([time_ns for time_ns, _ in complete])
     return Column((times - start_ns) * 1e-9, values.reshape(-1, numbers))

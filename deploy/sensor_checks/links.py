@@ -88,7 +88,7 @@ class Unanswered(LinkCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._lost, self._arrived, self._usual = np.zeros(self._n), np.zeros(self._n), np.ones(self._n)
+        self._lost, self._arrived, self._baseline = np.zeros(self._n), np.zeros(self._n), np.ones(self._n)
         self._windows = 0
 
     def measure(self, window: LinkWindow) -> np.ndarray:
@@ -96,11 +96,11 @@ class Unanswered(LinkCheck):
         if window.resting:
             self._windows += 1
             self._arrived = self._arrived + rate
-            self._usual = np.maximum(self._arrived / self._windows, 1.0 - self._limits.lost_share)
+            self._baseline = np.maximum(self._arrived / self._windows, 1.0 - self._limits.lost_share)
             lost = 1.0 - rate if window.answering else 0.0 * rate
         else:
             # With `lost_share` 1 the usual rate may be 0, of a motor that was silent in first rest.
-            lost = 1.0 - np.divide(rate, self._usual, out=np.ones(self._n), where=self._usual > 0.0)
+            lost = 1.0 - np.divide(rate, self._baseline, out=np.ones(self._n), where=self._baseline > 0.0)
         self._lost = _updated(self._lost, lost, window, self._limits)
         return self._lost
 
@@ -117,14 +117,14 @@ class ImuLost(LinkCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._lost, self._usual, self._windows = 0.0, 0.0, 0
+        self._lost, self._baseline, self._windows = 0.0, 0.0, 0
 
     def measure(self, window: LinkWindow) -> float:
         if window.resting:
             self._windows += 1
-            self._usual += (window.imu_new - self._usual) / self._windows
+            self._baseline += (window.imu_new - self._baseline) / self._windows
             return 0.0
-        lost = 1.0 - window.imu_new / self._usual if self._usual else 0.0
+        lost = 1.0 - window.imu_new / self._baseline if self._baseline else 0.0
         self._lost = _updated(self._lost, lost, window, self._limits)
         return self._lost
 

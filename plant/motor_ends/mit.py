@@ -33,7 +33,7 @@ class MitMotorEnd(PolledMotorEnd):
             wiring.channel, REPLY_ID + wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8, np.intp)
         )
         commands = self._outgoing._replace(id=wiring.motor_id)
-        self._usual = layout_of(commands)  # layout of a batch that addresses every motor in joint order
+        self._last_batch = layout_of(commands)  # layout of a batch that addresses every motor in joint order
         # Motors and rows of other layouts.
         self._others = BoundedCache[Layout, tuple[np.ndarray, np.ndarray]]()
         self._decoded = b"", Requests(_ALL, np.zeros((5, 0)), None)  # data of such a batch, and its requests
@@ -58,7 +58,7 @@ class MitMotorEnd(PolledMotorEnd):
     def _addressed(self, frames: Frames) -> tuple[Motors, np.ndarray]:
         """The motors of this robot that frames address, and the data for them."""
         layout = layout_of(frames)
-        if layout == self._usual:
+        if layout == self._last_batch:
             return _ALL, frames.data
         known = self._others.get(layout)
         if known is None:

@@ -21,10 +21,10 @@ class MixedMotorEnd:
         n = sum(len(joints) for _, joints in parts)
         self.broadcasts = any(end.broadcasts for end, _ in parts)
         self.timeout_error: np.ndarray = np.zeros(n, np.uint64)
-        self.time_out_latches: np.ndarray = np.zeros(n, bool)
+        self.timeout_latches: np.ndarray = np.zeros(n, bool)
         for end, joints in parts:
             self.timeout_error[joints] = end.timeout_error
-            self.time_out_latches[joints] = end.time_out_latches
+            self.timeout_latches[joints] = end.timeout_latches
         self._joints = np.arange(n)
         self._part_of, self._own = np.zeros(n, np.intp), np.zeros(n, np.intp)
         for part, (_, joints) in enumerate(parts):

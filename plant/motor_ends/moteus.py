@@ -17,7 +17,7 @@ _COMMANDED = range(moteus.POSITION_COMMAND, moteus.POSITION_COMMAND + 5)
 _DEFAULTS = 0.0, 0.0, 0.0, 1.0, 1.0  # values of registers that a command omits
 
 
-class _Usual(NamedTuple):
+class _LastBatch(NamedTuple):
     """The last batch of commands."""
 
     fixed: tuple[bytes, ...]  # identifiers, buses, and data without the numbers
@@ -30,7 +30,7 @@ class MoteusMotorEnd(PolledMotorEnd):
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0x8000, "can_mask": 0x8080, "extended": True, "fd": True},)
     timeout_error = TIMEOUT
-    time_out_latches = True
+    timeout_latches = True
 
     def __init__(self, wiring: Wiring) -> None:
         super().__init__(wiring)
@@ -43,7 +43,7 @@ class MoteusMotorEnd(PolledMotorEnd):
         self._length = np.full(n, length)
         self._timeout_s = np.full(n, 0.1)
         self.torque_limit = np.full(n, np.nan)
-        self._usual = _Usual((), np.zeros(0, int), np.zeros(0, int))
+        self._last_batch = _LastBatch((), np.zeros(0, int), np.zeros(0, int))
 
     @property
     def timeout_s(self) -> np.ndarray:
@@ -77,10 +77,10 @@ class MoteusMotorEnd(PolledMotorEnd):
         """See `MotorEnd.requests`. Modes other than stop and position are ignored."""
         frames = frames.fd_frames()
         rest = np.delete(frames.data, moteus.FLOATS, 1).tobytes()
-        fixed, usual = (frames.id.tobytes(), frames.channel.tobytes(), rest), self._usual
-        if fixed == usual.fixed:  # only numbers differ: parsing takes 20 us a frame
+        fixed, last = (frames.id.tobytes(), frames.channel.tobytes(), rest), self._last_batch
+        if fixed == last.fixed:  # only numbers differ: parsing takes 20 us a frame
             floats = np.ascontiguousarray(frames.data[:, moteus.FLOATS]).view("<f4").T
-            return self._commands(usual.motor, floats.astype(float), usual.kind)
+            return self._commands(last.motor, floats.astype(float), last.kind)
         motor = self._lookup[frames.channel, frames.id & 0x7F]
         rows: list[int] = []
         values: list[list[float]] = []
@@ -101,7 +101,7 @@ class MoteusMotorEnd(PolledMotorEnd):
         numbers, kind = np.array(values, float).reshape(-1, 5).T, np.array(kinds, int)
         heads = frames.data[:, : len(moteus.COMMAND_HEAD)] == np.frombuffer(moteus.COMMAND_HEAD, np.uint8)
         if len(rows) == len(motor) and heads.all():
-            self._usual = _Usual(fixed, joints, kind)
+            self._last_batch = _LastBatch(fixed, joints, kind)
         return self._commands(joints, numbers, kind)
 
     def _commands(self, joints: np.ndarray, numbers: np.ndarray, kind: np.ndarray) -> Requests:

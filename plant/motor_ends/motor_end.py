@@ -72,7 +72,7 @@ class MotorEnd(Protocol):
         ...
 
     @property
-    def time_out_latches(self) -> bool | np.ndarray:
+    def timeout_latches(self) -> bool | np.ndarray:
         """Whether a motor that timed out stays off until its errors are cleared: of all, or (n,)."""
         ...
 
@@ -115,7 +115,7 @@ class PolledMotorEnd:
 
     broadcasts = False
     timeout_error: int = 0
-    time_out_latches = False
+    timeout_latches = False
 
     def __init__(self, wiring: Wiring) -> None:
         """`wiring` has only the motors of this protocol."""

@@ -40,7 +40,7 @@ class OdriveMotorEnd:
         {"can_id": message, "can_mask": 0x1F, "extended": False} for message in (*_KIND, odrive.READ)
     )
     timeout_error = odrive.WATCHDOG
-    time_out_latches = True
+    timeout_latches = True
     broadcasts = True
 
     def __init__(self, wiring: Wiring) -> None:

@@ -55,7 +55,7 @@ class ImportRequest:
     speed_rad_s: ByJoint = field(default_factory=dict)
     armature: ByJoint = field(default_factory=dict)  # reflected inertia, kg m^2
     # Randomisation ranges for quadrupeds of usual size, (lowest, highest) by name: see randomisation_yaml.
-    usual: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    defaults: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     gaits_of: Callable[[Robot], Sequence[str]] = lambda _: ()  # names; the first is used
     find_lying_pose: Callable[[Robot], np.ndarray | None] | None = (
         None  # (n,) rad; None if the robot cannot lie
@@ -152,7 +152,7 @@ def import_robot(request: ImportRequest) -> Imported:
             paired, pose.height_m, touching, leg_pairs, [origin, "robot.yaml lists the guesses."]
         ),
         "robot.yaml": described(),
-        "randomisation.yaml": randomisation_yaml(machine, pose, request.usual),
+        "randomisation.yaml": randomisation_yaml(machine, pose, request.defaults),
     }
     _write(folder, texts, completed)
     return Imported(folder, tuple(guesses))

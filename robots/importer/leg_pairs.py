@@ -137,18 +137,18 @@ def _share_meeting(
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
-        met = (frozenset(geoms) for geoms in data.contact.geom.tolist())
-        return {pair_of[geoms] for geoms in met if geoms in pair_of}
+        touching = (frozenset(geoms) for geoms in data.contact.geom.tolist())
+        return {pair_of[geoms] for geoms in touching if geoms in pair_of}
 
     poses: Counter[GeomPair] = Counter()
-    met: Counter[GeomPair] = Counter()
+    contacts: Counter[GeomPair] = Counter()
     for joints in random.uniform(low, high, (POSES, len(at))):
         found = touching(joints)
         depth = [data.xpos[base][2] - data.geom_xpos[geoms, 2].mean() for geoms in feet]
         are_low = [each >= LOW_SHARE * pose.height_m for each in depth]
         both_low = [pair for pair, (one, other) in names.items() if are_low[one] and are_low[other]]
         poses.update(both_low)
-        met.update(found.intersection(both_low))
+        contacts.update(found.intersection(both_low))
     offsets = START_RAD * random.uniform(-1.0, 1.0, (STARTS, len(at)))
     at_start = set().union(*(touching(default + offset) for offset in offsets))
-    return {pair: 0.0 if pair in at_start else met[pair] / max(poses[pair], 1) for pair in names}
+    return {pair: 0.0 if pair in at_start else contacts[pair] / max(poses[pair], 1) for pair in names}

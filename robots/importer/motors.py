@@ -131,7 +131,7 @@ def choose_drive(
     _refuse_weak(machine, source, peak, standing)
     armature = np.array([hinge.armature for hinge in hinges])
     torque = np.array([peak[hinge.name] for hinge in hinges])
-    usual = float(np.sqrt(np.median(torque / armature) / LEAN_RAD) / (2 * np.pi))
+    typical_hz = float(np.sqrt(np.median(torque / armature) / LEAN_RAD) / (2 * np.pi))
     guesses = [
         "torque-speed line: from the peak torque at rest to the no-load speed",
         f"winding{'' if gear else ' and gear ratio'}: assumed, they price the copper loss only",
@@ -147,10 +147,10 @@ def choose_drive(
         sag = float(np.abs(standing.torque_nm / kp).max())
         return sag < MAX_SAG_RAD and standing.stable(kp / STABILITY_MARGIN)
 
-    frequency = next((f for f in FREQUENCIES_HZ if f >= usual - 0.25 and stands(f)), None)
+    frequency = next((f for f in FREQUENCIES_HZ if f >= typical_hz - 0.25 and stands(f)), None)
     found = frequency is not None
     if frequency is None:
-        frequency = min(FREQUENCIES_HZ, key=lambda f: abs(f - usual))
+        frequency = min(FREQUENCIES_HZ, key=lambda f: abs(f - typical_hz))
         guesses.append("the robot cannot stand by joint stiffness alone: it needs a policy that balances it")
     else:
         guesses.append(f"gains: a natural frequency of {frequency:g} Hz, at which it should stand")

@@ -59,19 +59,19 @@ def test_a_private_folder_is_made_for_its_owner_alone(tmp_path: Path) -> None:
     make_private_folder(folder)
 
 
-@pytest.mark.parametrize("way", ["folder", "file", "owner", "link"])
+@pytest.mark.parametrize("change", ["folder", "file", "owner", "link"])
 def test_a_private_folder_others_may_write_to_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, change: str
 ) -> None:
     folder = tmp_path / "cache"
     folder.mkdir(mode=0o755)
     (folder / "one").touch(0o644)
     make_private_folder(folder)
-    if way == "folder":
+    if change == "folder":
         folder.chmod(0o777)
-    elif way == "file":
+    elif change == "file":
         (folder / "one").chmod(0o666)
-    elif way == "owner":
+    elif change == "owner":
         monkeypatch.setattr(os, "getuid", lambda: 12345)
     else:
         folder.rename(tmp_path / "elsewhere")

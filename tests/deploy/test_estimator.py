@@ -24,7 +24,7 @@ from footfall.robots.model import imu_position
 from footfall.robots.rigid_body import nominal_body
 
 ROBOT = load_robot("go1")
-SURE_OF_THE_GYRO = GyroConfig(bias_half_s=1e6)  # the readings give the yaw rate, never the yaw
+CERTAIN_GYRO = GyroConfig(bias_half_s=1e6)  # the readings give the yaw rate, never the yaw
 
 
 def yawed(angle: float) -> np.ndarray:
@@ -104,10 +104,10 @@ def test_the_estimate_follows_the_motion(walks: dict[str, Follower], kind: str) 
     """The position drifts by less than a fiftieth of the distance; velocity and yaw are accurate."""
     follower = walks[kind]
     steps = np.diff(np.array(follower.truth)[:, :2], axis=0)
-    way = np.linalg.norm(steps, axis=1).sum()
-    assert way > 0.9
+    distance = np.linalg.norm(steps, axis=1).sum()
+    assert distance > 0.9
     error = follower.errors()
-    assert np.linalg.norm(error[-1, :2]) < 0.02 * way
+    assert np.linalg.norm(error[-1, :2]) < 0.02 * distance
     assert np.abs(error[:, 2]).max() < 0.01
     error = error[500:, 3:]
     assert np.sqrt((error[:, :2] ** 2).mean(axis=0)).max() < 0.015
@@ -229,7 +229,7 @@ def test_a_sole_that_tips_over_its_toes_carries_the_base_forward(tmp_path: Path)
     up = np.array([-np.sin(pitch), 0.0, np.cos(pitch)])
     sensed = held(robot)._replace(gyro=np.array([0.0, rate, 0.0]), quaternion=turn)
     sensed = sensed._replace(acceleration=9.81 * up)
-    estimator = BaseEstimator(robot, EstimatorConfig(gyro=SURE_OF_THE_GYRO))
+    estimator = BaseEstimator(robot, EstimatorConfig(gyro=CERTAIN_GYRO))
     estimator.reset(sensed)
     for _ in range(500):
         found, _ = estimator.update(sensed, None, 0.002)

@@ -85,8 +85,8 @@ class TestPythonCanBus:
         frames = Frames(np.array([1, 0, 1, 1]), np.array([4, 3, 2, 3]), data, np.array([8, 8, 3, 8]))
         assert bus.send(frames, 0) == 2
         assert can.buses[0].sent == []
-        went = [(m.arbitration_id, m.data) for m in can.buses[1].sent]
-        assert went == [(4, bytes(range(8))), (2, bytes([16, 17, 18]))]
+        sent = [(m.arbitration_id, m.data) for m in can.buses[1].sent]
+        assert sent == [(4, bytes(range(8))), (2, bytes([16, 17, 18]))]
         statistics = [(s.name, s.frames_sent, s.frames_refused) for s in bus.statistics()]
         assert statistics == [("can0", 0, 1), ("can1", 2, 1)]
         bus.close()

@@ -250,7 +250,7 @@ class TestGettingUp:
         assert following(up, {"recovery.stands": True}) == State(S, 5.0, tries=2)
         walks = following(State(S, 4.0, tries=2), {"posture_done": True})
         assert walks == State(W, 5.0, tries=2)
-        for walked_s, tries in ((0.9 * LIMITS.again_s, 2), (1.1 * LIMITS.again_s, 0)):
+        for walked_s, tries in ((0.9 * LIMITS.same_fall_s, 2), (1.1 * LIMITS.same_fall_s, 0)):
             tips = with_changes(FAULTLESS, {"imu.tilt_rad": 2.0, "now_s": 5.0 + walked_s})
             assert advance(walks, tips, CONFIG).tries == tries
 

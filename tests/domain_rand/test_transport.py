@@ -104,11 +104,11 @@ class TestTraining:
 
 
 class TestPlant:
-    @pytest.mark.parametrize("way", ["actions", "readings"])
-    def test_delays_are_those_of_training_in_whole_steps(self, way: str) -> None:
+    @pytest.mark.parametrize("direction", ["actions", "readings"])
+    def test_delays_are_those_of_training_in_whole_steps(self, direction: str) -> None:
         names = {"actions": "action", "readings": "observation"}
-        sample = {f"{names[way]}_{part}_s": np.array(0.01) for part in ("delay", "jitter", "swing")}
-        delay = Delay(sample, way, STEP_S, seed=1)  # type: ignore[arg-type]
+        sample = {f"{names[direction]}_{part}_s": np.array(0.01) for part in ("delay", "jitter", "swing")}
+        delay = Delay(sample, direction, STEP_S, seed=1)  # type: ignore[arg-type]
         steps = np.array([delay.steps(step) for step in range(4000)])
         swing = 10.0 * (1.0 - abs(1.0 - np.arange(4000) / 2000.0))
         jitter = steps - 10.0 - swing

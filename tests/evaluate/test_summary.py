@@ -93,8 +93,8 @@ class TestSummary:
 
     def test_a_row_has_the_figures_of_its_own_episodes(self) -> None:
         careless = replace(FELL, lin_vel_mse=0.25, yaw_rate_mse=0.49, electrical_j=1250.0)
-        met = [(GOOD, 1.0), (careless, 2.0), (careless, 2.0)]
-        rows = summarise(SCENARIOS["push"], [outcome(m, push) for m, push in met], 0)["rows"]
+        results = [(GOOD, 1.0), (careless, 2.0), (careless, 2.0)]
+        rows = summarise(SCENARIOS["push"], [outcome(m, push) for m, push in results], 0)["rows"]
         assert [row["lin_vel_rmse"] for row in rows] == pytest.approx([0.1, 0.5])
         assert [row["yaw_rate_rmse"] for row in rows] == pytest.approx([0.2, 0.7])
         assert [row["cost_of_transport"] for row in rows] == pytest.approx([1.0, 2.0])

@@ -139,7 +139,7 @@ class TestNew:
         assert request.armature == {"a=b": 0.01}
         assert request.gaits_of is gaits_of
         assert request.find_lying_pose is find_lying_pose
-        assert request.usual == default_ranges()
+        assert request.defaults == default_ranges()
         assert {"- a guess", "- another"} <= set(outcome.out.splitlines())
 
     def test_a_figure_is_a_number_above_zero(self, shell: Shell) -> None:

@@ -21,7 +21,7 @@ def held(go1: Robot) -> Robot:
     return replace(go1, description=replace(go1.description, held_start=True))
 
 
-def limp(command: JointCommand) -> JointCommand:
+def without_gains(command: JointCommand) -> JointCommand:
     return command._replace(kp=0.0 * command.kp, kd=0.0 * command.kd)
 
 
@@ -29,7 +29,7 @@ def test_a_held_robot_does_not_sink_until_it_is_released(held: Robot, go1: Robot
     config = DeployConfig(in_place_s=0.6)
     walked_s = {
         robot.description.held_start: run_episode(
-            robot, FailingPolicy(robot, 0.0, limp), Episode(lambda _: COMMAND, 1.5, config=config)
+            robot, FailingPolicy(robot, 0.0, without_gains), Episode(lambda _: COMMAND, 1.5, config=config)
         ).walked_s
         for robot in (held, go1)
     }
@@ -51,8 +51,8 @@ def test_a_held_robot_steps_in_place_at_first_and_before_the_end(held: Robot) ->
     assert commanded_s[0] == pytest.approx(0.5, abs=0.021)
     assert commanded_s[-1] == pytest.approx(1.0, abs=0.021)
     assert policy.seen[-1].time_s == pytest.approx(1.3, abs=0.021)
-    spells = list(dict.fromkeys(seen))
-    assert spells[1:] == [
+    phases = list(dict.fromkeys(seen))
+    assert phases[1:] == [
         (Mode.STANDING, True),
         (Mode.WALKING, True),
         (Mode.WALKING, False),

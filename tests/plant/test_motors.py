@@ -35,7 +35,7 @@ class End:
 
     filters = ()
     timeout_error = 13
-    time_out_latches = False
+    timeout_latches = False
     timeout_s = np.full(3, np.nan)
     broadcasts = False
 

@@ -1,4 +1,4 @@
-"""A loop at half of the usual rate, which is faster to simulate."""
+"""A loop at half of the default rate, which is faster to simulate."""
 
 from dataclasses import replace
 

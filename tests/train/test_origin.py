@@ -14,7 +14,7 @@ from footfall.policies.registry import ZOO
 from footfall.robots.description import Robot
 from footfall.train.api import TrainRequest, begin
 from footfall.train.brax.networks import actor_means_function, dense_layers, make_networks, trained_actor
-from footfall.train.brax.start import taken_over
+from footfall.train.brax.start import copied_networks
 from footfall.train.brax.state import TrainState, initial_state
 from footfall.train.brax.trainer import BraxTrainer
 from footfall.train.config import load_preset
@@ -65,13 +65,13 @@ def same(one: object, other: object) -> bool:
 class TestTakenOver:
     def test_a_checkpoint_gives_actor_critic_and_normaliser(self, trained: Trained) -> None:
         path = checkpoint.latest(trained.run.checkpoints)
-        params, normalizer, _ = taken_over(path, *trained.fresh(1), trained.run.config.ppo)
+        params, normalizer, _ = copied_networks(path, *trained.fresh(1), trained.run.config.ppo)
         assert same(params, trained.state.params)
         assert same(normalizer, trained.state.normalizer)
 
     def test_a_policy_gives_the_actor_and_the_critic_is_initialised(self, trained: Trained) -> None:
         fresh = trained.fresh(1)
-        params, normalizer, notes = taken_over(trained.run.policy, *fresh, trained.run.config.ppo)
+        params, normalizer, notes = copied_networks(trained.run.policy, *fresh, trained.run.config.ppo)
         assert same(dense_layers(params.policy), dense_layers(trained.state.params.policy))
         assert same(params.value, fresh[0].value)
         np.testing.assert_allclose(normalizer.mean["state"], 0.25)
@@ -87,7 +87,7 @@ class TestTakenOver:
         broken = tmp_path / "start.ckpt"
         broken.write_bytes(b"nothing")
         with pytest.raises(UserError, match="cannot start from"):
-            taken_over(broken, *trained.fresh(1), trained.run.config.ppo)
+            copied_networks(broken, *trained.fresh(1), trained.run.config.ppo)
 
 
 def test_fine_tuning_starts_with_the_loaded_networks(trained: Trained, go1: Robot, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from footfall.train.origin import (
 )
 
 
-def taken_over(
+def copied_networks(
     path: Path, params: PPONetworkParams, normalizer: Any, ppo: PpoConfig
 ) -> tuple[PPONetworkParams, Any, Sequence[str]]:
     """Networks and normaliser of a checkpoint or of an exported policy.

@@ -17,7 +17,7 @@ from footfall.train.brax.devices import device_mesh, place, shardings
 from footfall.train.brax.iteration import Iteration
 from footfall.train.brax.networks import ACTOR, Means, actor_means_function, trained_actor
 from footfall.train.brax.parts import assemble
-from footfall.train.brax.start import taken_over
+from footfall.train.brax.start import copied_networks
 from footfall.train.brax.state import STATE_SPECS, TrainState
 from footfall.train.config import TrainConfig
 from footfall.train.runs import checkpoint
@@ -54,31 +54,31 @@ class BraxTrainer(Trainer):
         start = self._run.provenance.seed if self._state is None else self._state
         self._state, self._compiled = self._parts.prepare(mesh, start, report)
         if cluster.is_main_process():
-            like = jax.tree.map(
+            example = jax.tree.map(
                 lambda leaf: np.zeros(leaf.shape, leaf.dtype),
                 (self._state.normalizer, self._state.params.policy),
             )
-            Thread(target=self._prepare_export, args=(like,), name="prepare export").start()
+            Thread(target=self._prepare_export, args=(example,), name="prepare export").start()
 
     @cached_property
     def _means(self) -> Means:
         """The exported network's mean actions; first needed beside the training, where time costs nothing."""
         return actor_means_function(self._parts.exact_networks)
 
-    def _prepare_export(self, like: tuple[Any, Any]) -> None:
+    def _prepare_export(self, example: tuple[Any, Any]) -> None:
         """Import and compile, beside the training, what the export needs of such a normaliser and actor."""
         with suppress(Exception):  # the export reports it
             from footfall.train.export import RANDOM_OBSERVATIONS
 
             size = self._parts.env.observation_sizes[ACTOR]
             logged = min(LOGGED_OBSERVATIONS, self._run.config.ppo.steps_per_iteration)
-            self._means(*like, np.zeros((RANDOM_OBSERVATIONS + logged, size), np.float32))
+            self._means(*example, np.zeros((RANDOM_OBSERVATIONS + logged, size), np.float32))
 
     def start_from(self, path: Path) -> list[str]:
         """Take over networks and normaliser; see `footfall.train.trainer.Trainer`."""
         assert self._state is not None, "prepare first"
         fresh = jax.tree.map(np.asarray, cluster.gather((self._state.params, self._state.normalizer)))
-        params, normalizer, notes = taken_over(path, fresh[0], fresh[1], self._run.config.ppo)
+        params, normalizer, notes = copied_networks(path, fresh[0], fresh[1], self._run.config.ppo)
         where = shardings(STATE_SPECS, device_mesh(self._run.config.ppo))
         self._state = self._state._replace(
             params=place(params, where.params), normalizer=place(normalizer, where.normalizer)

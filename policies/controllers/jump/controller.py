@@ -132,9 +132,9 @@ class Jump:
     def _fly(self, inputs: PolicyInput, flown_s: float, gains: JointGains) -> JointCommand:
         """Command that moves the feet along their planned path, level."""
         legs, sensed = self._legs, inputs.sensed
-        way, velocity = self._plan.feet(flown_s)
+        feet, velocity = self._plan.feet(flown_s)
         level = heading_matrix(_yaw(inputs)).T.dot(rotation_matrix(sensed.quaternion))  # base to level
-        angles = legs.solve((self._feet_at_rest + way).dot(level))
+        angles = legs.solve((self._feet_at_rest + feet).dot(level))
         motion = np.tile(velocity.dot(level), (legs.count, 1))[:, :, None]
         position = legs.scatter(angles, self._robot.default_pose)
         pose = legs.pose(position)

@@ -38,8 +38,8 @@ class LeapPlan:
         fall_m = stance_m + leap.rise_m - landing.height_m
         self.flight_s = upward / GRAVITY_M_S2 + math.sqrt(2.0 * fall_m / GRAVITY_M_S2)
         self.take_off_s = leap.crouch_s + push_s
-        way = leap.ahead_m + leap.back_m - landing.feet_ahead_m
-        self._speed = np.array([way / (0.5 * push_s + self.flight_s), upward])
+        displacement = leap.ahead_m + leap.back_m - landing.feet_ahead_m
+        self._speed = np.array([displacement / (0.5 * push_s + self.flight_s), upward])
         self._acceleration = self._speed / push_s
         leaves = self._low + 0.5 * push_s * self._speed
         self._lift_off = np.array([-leaves[0], 0.0, -leaves[1]])
@@ -50,11 +50,11 @@ class LeapPlan:
         if time_s < self._crouch_s:
             share = time_s / self._crouch_s
             along, high = swing_curve(share).along, np.array([0.0, from_m])
-            way = self._low - high
+            displacement = self._low - high
             return Aim(
-                high + along.value * way,
-                along.slope / self._crouch_s * way,
-                along.bend / self._crouch_s**2 * way,
+                high + along.value * displacement,
+                along.slope / self._crouch_s * displacement,
+                along.bend / self._crouch_s**2 * displacement,
             )
         push_s = min(time_s, self.take_off_s) - self._crouch_s
         gained = self._acceleration * push_s
@@ -63,8 +63,8 @@ class LeapPlan:
     def feet(self, flown_s: float) -> tuple[np.ndarray, np.ndarray]:
         """Position (3,) m and velocity (3,) m/s of all feet relative to the base, x forward, z up."""
         share = min(max(flown_s / self.flight_s, 0.0), 1.0)
-        curve, way = swing_curve(share), self._touch_down - self._lift_off
+        curve, displacement = swing_curve(share), self._touch_down - self._lift_off
         up = np.array([0.0, 0.0, self._tuck_m])
-        position = self._lift_off + curve.along.value * way + curve.height.value * up
-        velocity = (curve.along.slope * way + curve.height.slope * up) / self.flight_s
+        position = self._lift_off + curve.along.value * displacement + curve.height.value * up
+        velocity = (curve.along.slope * displacement + curve.height.slope * up) / self.flight_s
         return position, velocity

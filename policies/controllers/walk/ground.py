@@ -46,12 +46,12 @@ class TouchDown:
         config = self._config
         low, high = config.force_share
         shares = pushed.tolist()
-        met = [
+        touching = [
             share > high and foot.progress > config.from_progress
             for share, foot in zip(shares, cycle.each_foot, strict=True)
         ]
-        if any(met):
-            cycle.touch_down(np.array(met), tips.dot(up))
+        if any(touching):
+            cycle.touch_down(np.array(touching), tips.dot(up))
         cycle.lower([share < low for share in shares], config.probe_m_s * dt_s, -config.probe_m)
 
 

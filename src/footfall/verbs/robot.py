@@ -108,7 +108,7 @@ def new(*, options: NewOptions) -> None:
             peak_torque_nm=options.peak_torque,
             speed_rad_s=options.speed,
             armature=options.armature,
-            usual=default_ranges(),
+            defaults=default_ranges(),
             gaits_of=gaits_of,
             find_lying_pose=find_lying_pose,
         )

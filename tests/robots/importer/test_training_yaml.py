@@ -74,7 +74,7 @@ def test_quantities_without_a_range_are_left_out(tmp_path: Path) -> None:
 def test_every_preset_loads_with_an_imported_robots_training_yaml(
     tmp_path: Path, text: str, suffix: str, gait: str
 ) -> None:
-    robot, _ = make(tmp_path, text, suffix, usual=default_ranges(), gaits_of=gaits_of)
+    robot, _ = make(tmp_path, text, suffix, defaults=default_ranges(), gaits_of=gaits_of)
     most = robot.description.commands.forward_m_s[1]
     for preset in available_presets():
         config = load_preset(preset, robot)
