@@ -236,7 +236,7 @@ class TestReplay:
 
 def test_bad_paths_and_contents_are_refused(go1: Robot, tmp_path: Path) -> None:
     policy, path = Hold(go1), tmp_path / "bad.mcap"
-    with pytest.raises(UserError, match=r"folder\.mcap: No such file"):
+    with pytest.raises(UserError, match=r"folder\.mcap"):
         run_episode(go1, policy, short_episode(log=tmp_path / "no" / "such" / "folder.mcap"))
     assert not policy.seen  # the run did not begin
     for content in (b"", b"not an mcap at all", b"\x89MCAP0\r\n"):

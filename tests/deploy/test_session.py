@@ -77,7 +77,7 @@ class TestInterface:
                 raise RuntimeError("no")
 
         monkeypatch.setattr(session, "run_session", run_or_fail)
-        with pytest.raises(RuntimeError, match="no") if fails else nullcontext():
+        with pytest.raises(RuntimeError) if fails else nullcontext():
             run_on_interface(go1, Hold(go1), "socketcan", run)
         assert handed == [(go1, "hold", replace(run, stop_inputs=True))]
         (interface, names, filters), closed = opened

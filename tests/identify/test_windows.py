@@ -44,7 +44,7 @@ def test_a_window_with_a_gap_is_left_out() -> None:
 
 
 def test_windows_without_readings_are_refused() -> None:
-    with pytest.raises(UserError, match="hardly any"):
+    with pytest.raises(UserError):
         cut(recording(np.arange(0.0, 400.0, 1.0)), np.array([0]), 0.5, 0.002)
 
 

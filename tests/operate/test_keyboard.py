@@ -80,7 +80,7 @@ def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> 
 def test_input_that_is_not_a_terminal_is_refused() -> None:
     with (
         open(os.devnull, encoding="utf-8") as file,
-        pytest.raises(UserError, match="terminal"),
+        pytest.raises(UserError),
         steered_by_keyboard(Inbox(), abilities, QUICK, file.fileno()),
     ):
         pass

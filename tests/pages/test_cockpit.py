@@ -177,7 +177,7 @@ class TestCommands:
                 stopping.send('{"do": "stop", "damp": true}')
                 assert eventually(lambda: inbox.stopped is not None and inbox.stopped.damp, PATIENCE_S)
             taken = cockpit(inbox, "localhost", port, go1, tmp_path)
-            with pytest.raises(UserError, match="in use"), taken:
+            with pytest.raises(UserError), taken:
                 pytest.fail("the port is taken")
 
 

@@ -165,7 +165,7 @@ def test_only_the_report_needs_plotting_libraries() -> None:
 
 
 def test_a_blocked_module_cannot_be_imported() -> None:
-    with pytest.raises(AssertionError, match="jax is out of reach"):
+    with pytest.raises(AssertionError, match="jax"):
         import_in_process(["jax"], LEARNING_ONLY)
 
 

@@ -79,11 +79,11 @@ class TestDeclaration:
     @pytest.mark.parametrize(
         ("given", "complaint"),
         [
-            ({"thermal_resistance_k_w": 2.0}, "together"),
+            ({"thermal_resistance_k_w": 2.0}, "thermal_capacity_j_k"),
             ({"derating_c": [80.0, 120.0]}, "thermal_resistance_k_w"),
             (
                 {"thermal_resistance_k_w": 2.0, "thermal_capacity_j_k": 5.0, "derating_c": [80.0, 80.0]},
-                "different temperatures",
+                "derating_c",
             ),
         ],
     )

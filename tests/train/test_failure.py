@@ -173,7 +173,7 @@ class TestDevice:
 
         monkeypatch.setattr(jax, "devices", failing)
         for use in (api.resume, api.export_run):
-            with pytest.raises(UserError, match=r"backend 'cuda': no device$"):
+            with pytest.raises(UserError, match="'cuda'"):
                 use(sound)
 
     def test_an_unexpected_exception_has_a_traceback(

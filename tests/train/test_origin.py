@@ -86,7 +86,7 @@ class TestTakenOver:
     def test_a_damaged_file_is_refused(self, trained: Trained, tmp_path: Path) -> None:
         broken = tmp_path / "start.ckpt"
         broken.write_bytes(b"nothing")
-        with pytest.raises(UserError, match="cannot start from"):
+        with pytest.raises(UserError):
             copied_networks(broken, *trained.fresh(1), trained.run.config.ppo)
 
 

@@ -52,6 +52,6 @@ def test_only_the_digest_changes(folder: Path, go1: Robot) -> None:
 def test_a_policy_with_other_differences_is_refused_and_left_unchanged(folder: Path) -> None:
     write(folder, kp=(1.0,) * 12)
     content = (folder / "policy.onnx").read_bytes()
-    with pytest.raises(UserError, match="kp: policy has"):
+    with pytest.raises(UserError, match="kp: "):
         restamp(folder)
     assert (folder / "policy.onnx").read_bytes() == content

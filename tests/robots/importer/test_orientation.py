@@ -59,5 +59,5 @@ class TestTurned:
             assert link.inertia == pytest.approx(expected.inertia, abs=1e-9)
 
     def test_forward_and_up_are_two_axes(self, tmp_path: Path) -> None:
-        with pytest.raises(UserError, match="right angles"):
+        with pytest.raises(UserError):
             build_machine(read(tmp_path, BIPED_MJCF), "m", forward="-y", up="y")
