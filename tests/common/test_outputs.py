@@ -22,13 +22,13 @@ def test_checking_leaves_nothing_behind(tmp_path: Path) -> None:
 def test_an_unwritable_path_is_named_and_an_older_file_is_kept(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("old")
-    for path, complaint in (
-        (tmp_path / "new" / "report.html", f"there is no folder {tmp_path / 'new'}"),
-        (tmp_path, "is a folder"),
-        (file / "report.json", r"cannot write .*report\.json"),
-        (Path("/proc/run.json"), "no file can be made in this folder"),
+    for path, named in (
+        (tmp_path / "new" / "report.html", str(tmp_path / "new")),
+        (tmp_path, str(tmp_path)),
+        (file / "report.json", r"report\.json"),
+        (Path("/proc/run.json"), "/proc"),
     ):
-        with pytest.raises(UserError, match=complaint):
+        with pytest.raises(UserError, match=named):
             check_outputs(path)
     check_outputs(file)
     assert file.read_text() == "old"

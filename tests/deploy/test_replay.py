@@ -97,7 +97,7 @@ class TestReplay:
 
         nameless: list[Any] = [[], "text", [1, 2], {}]
         for decisions, steps, names, policy, named in (
-            ([], 1, None, Counts, "policy steps"),
+            ([], 1, None, Counts, r"a\.mcap"),
             ([np.zeros(40)], 1, [f"joint{k}" for k in range(8)], Counts, "8 joints"),
             ([np.zeros(59)], 1, None, Counts, "59 .* 12 joints"),
             (decided(1), 1, None, Fails, "step 0: ZeroDivisionError: by"),

@@ -88,10 +88,10 @@ class TestOne:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            ({"preset": "none"}, "no preset 'none'"),
-            ({"robot": "none"}, "no robot 'none'"),
-            ({"render_mode": "human"}, "render mode"),
-            ({"physics": "bullet"}, "no physics 'bullet'"),
+            ({"preset": "none"}, "'none'"),
+            ({"robot": "none"}, "'none'"),
+            ({"render_mode": "human"}, "human"),
+            ({"physics": "bullet"}, "'bullet'"),
         ],
     )
     def test_unknown_names_are_refused(self, options: dict[str, str], message: str) -> None:

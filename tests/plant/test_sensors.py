@@ -223,7 +223,7 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("declaration", "word"),
         [
-            (quantity(kinds.JOINTS, OFFSET), "no effect"),
+            (quantity(kinds.JOINTS, OFFSET), "bias_of"),
             (quantity(kinds.JOINTS, OFFSET, bias_of="joint_current"), "joint_current"),
             (quantity(kinds.VECTOR, OFFSET, bias_of="joint_velocity"), "joint_velocity"),
         ],

@@ -130,8 +130,8 @@ def test_a_malformed_ground_is_refused_in_one_line(tmp_path: Path) -> None:
         "stairs,depth=1": "depth",
         "stairs,step_m": "KEY=NUMBER",
         str(tmp_path / "none.npy"): "none.npy",
-        str(tmp_path / "flat.npy"): "rows",
-        str(tmp_path / "nan.npy"): "finite",
+        str(tmp_path / "flat.npy"): "flat.npy",
+        str(tmp_path / "nan.npy"): "nan.npy",
         str(tmp_path / "bad.png"): "bad.png",
     }
     for spec, word in refused.items():

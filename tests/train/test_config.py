@@ -87,8 +87,8 @@ def test_a_file_with_a_base_holds_only_its_changes(own_folder: Path, tmp_path: P
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("base: fast\n", "own.yaml: base: no preset 'fast': there are cpu, "),
-        ("base: [cpu]\n", r"own.yaml: base: no preset '\['cpu'\]'"),
+        ("base: fast\n", r"own\.yaml: base: .*'fast'"),
+        ("base: [cpu]\n", r"own\.yaml: base: .*\['cpu'\]"),
         ("base: cpu\nenv: {gate: {}}\n", r"own\.yaml over .*cpu\.yaml: env: .*gate"),
     ],
 )
