@@ -48,7 +48,7 @@ class Settings:
         self,
         wiring: Wiring,
         names: Mapping[int, str],
-        time_out: Timeout | None,
+        timeout: Timeout | None,
         check: Callable[[Known], str] = lambda _: "",
         limit: Limit | None = None,
     ) -> None:
@@ -57,15 +57,15 @@ class Settings:
         Args:
             wiring: names of the motors and their longest timeouts.
             names: settings to read, in this order, with their names for messages.
-            time_out: the setting that is the timeout; None for none.
+            timeout: the setting that is the timeout; None for none.
             check: returns a problem of a motor with all settings known; empty for none.
             limit: limit of the drive, in addition to `names`; None for none.
         """
         self.known: list[dict[int, float]] = [{} for _ in wiring.joint_names]
-        self._wiring, self._time_out, self._check, self._limit = wiring, time_out, check, limit
+        self._wiring, self._timeout, self._check, self._limit = wiring, timeout, check, limit
         self._names = [dict(names) for _ in self.known]  # for each motor
-        if time_out is not None:
-            self._longest = np.rint(wiring.timeout_s / time_out.step_s).astype(int).tolist()
+        if timeout is not None:
+            self._longest = np.rint(wiring.timeout_s / timeout.step_s).astype(int).tolist()
         if limit is not None:
             for motor in np.flatnonzero(~np.isnan(limit.highest)).tolist():
                 self._names[motor][limit.setting] = limit.name
@@ -78,8 +78,8 @@ class Settings:
         for motor, known in enumerate(self.known):
             setting = next((number for number in self._names[motor] if number not in known), None)
             write = None
-            if setting is None and self._time_out is not None and self._time_out_problem(motor):
-                setting, write = self._time_out.setting, self._longest[motor]
+            if setting is None and self._timeout is not None and self._timeout_problem(motor):
+                setting, write = self._timeout.setting, self._longest[motor]
             elif setting is None and self._limit is not None and self._limit_problem(motor):
                 setting, write = self._limit.setting, float(self._limit.highest[motor])
             if setting is None:
@@ -106,17 +106,17 @@ class Settings:
             names = self._names[motor].items()
             missing = next((name for number, name in names if number not in known), "")
             problem = f"has not reported its {missing}" if missing else self._check(known)
-            if problem := problem or self._time_out_problem(motor) or self._limit_problem(motor):
+            if problem := problem or self._timeout_problem(motor) or self._limit_problem(motor):
                 return f"motor {self._wiring.label(motor)} {problem}"
         self._good = True
         return ""
 
-    def _time_out_problem(self, motor: int) -> str:
+    def _timeout_problem(self, motor: int) -> str:
         """Problem of a motor's reported timeout; empty for none."""
-        if self._time_out is None:
+        if self._timeout is None:
             return ""
-        step_s = self._time_out.step_s
-        count, longest = self.known[motor][self._time_out.setting], self._longest[motor]
+        step_s = self._timeout.step_s
+        count, longest = self.known[motor][self._timeout.setting], self._longest[motor]
         if 0 < count <= longest:
             return ""
         found = f"a communication timeout of {count * step_s:g} s" if count else NONE

@@ -84,17 +84,17 @@ class TestSettings:
     @pytest.mark.parametrize(("setting", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
     def test_a_wrong_timeout_is_set_and_read_back(self, wiring: Wiring, setting: int, kept: int) -> None:
         driver, end = open_driver(wiring), open_motor_end(wiring)
-        settings, time_out = self.own(end)
-        settings[time_out] = setting
+        settings, timeout = self.own(end)
+        settings[timeout] = setting
         introduce(driver, end)
-        assert settings[time_out] == kept
+        assert settings[timeout] == kept
 
     @pytest.mark.parametrize(("setting", "message"), [(0, "has no"), (20_000, "1 s")])
     def test_a_motor_that_ignores_it_is_disabled(self, wiring: Wiring, setting: int, message: str) -> None:
         """The motor confirms the write, but reports its old setting."""
         driver, end = open_driver(wiring), open_motor_end(wiring)
-        settings, time_out = self.own(end)
-        settings[time_out] = setting
+        settings, timeout = self.own(end)
+        settings[timeout] = setting
         for _ in range(8):
             queries = driver.query_settings()
             reads = queries.data[:, 2] == damiao.READ if wiring is DAMIAO else queries.id >> 24 & 0x1F == 0x11

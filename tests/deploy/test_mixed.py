@@ -94,4 +94,4 @@ def test_each_maker_has_its_own_behaviour_after_a_timeout() -> None:
     for joints in (ROBSTRIDE, DAMIAO, ODRIVE):
         own = open_motor_end(WIRING.take(joints))
         assert set(END.timeout_error[joints]) == {own.timeout_error}
-        assert set(END.time_out_latches[joints]) == {own.time_out_latches}
+        assert set(END.timeout_latches[joints]) == {own.timeout_latches}
