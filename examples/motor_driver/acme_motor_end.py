@@ -22,7 +22,7 @@ class AcmeMotorEnd(PolledMotorEnd):
     filters: tuple[CanFilter, ...] = tuple(
         {"can_id": start, "can_mask": 0x780, "extended": False} for start in (COMMAND, ORDER)
     )
-    time_out_error = 3
+    timeout_error = 3
 
     def __init__(self, wiring: Wiring) -> None:
         super().__init__(wiring)

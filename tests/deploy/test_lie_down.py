@@ -89,7 +89,8 @@ class TestPostures:
         assert postures.on_legs(0.0, Mode.STANDING)
 
     @pytest.mark.parametrize(
-        ("before", "share", "rate_rad_s"), [(MotionBefore.STOPPED, 0.0, 8.0), (MotionBefore.WALKING, 0.7, 12.0)]
+        ("before", "share", "rate_rad_s"),
+        [(MotionBefore.STOPPED, 0.0, 8.0), (MotionBefore.WALKING, 0.7, 12.0)],
     )
     def test_feet_reach_the_ground_fast_and_the_rest_is_slow(
         self, go1: Robot, before: MotionBefore, share: float, rate_rad_s: float
