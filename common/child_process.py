@@ -9,14 +9,14 @@ from contextlib import suppress
 from typing import Any
 
 
-def end_by_input(process: "subprocess.Popen[Any]", patience_s: float) -> None:
-    """Close a child's standard input, upon which it exits, and wait; kill it after `patience_s`."""
+def end_by_input(process: "subprocess.Popen[Any]", timeout_s: float) -> None:
+    """Close a child's standard input, upon which it exits, and wait; kill it after `timeout_s`."""
     assert process.stdin is not None
     assert process.stdout is not None
     with suppress(OSError):
         process.stdin.close()
     try:
-        process.wait(patience_s)
+        process.wait(timeout_s)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()

@@ -7,8 +7,8 @@ TIME_LIMIT_S = 2.0
 _NAME = "call that may block"
 
 
-def in_time(act: Callable[[], None], patience_s: float = TIME_LIMIT_S) -> BaseException | None:
-    """Call `act` in a thread of its own, and wait at most `patience_s` for its end.
+def in_time(act: Callable[[], None], timeout_s: float = TIME_LIMIT_S) -> BaseException | None:
+    """Call `act` in a thread of its own, and wait at most `timeout_s` for its end.
 
     A stopped terminal (Ctrl-S), a hanging connection or a pipe without a reader would otherwise block the
     caller for ever.
@@ -26,7 +26,7 @@ def in_time(act: Callable[[], None], patience_s: float = TIME_LIMIT_S) -> BaseEx
 
     thread = threading.Thread(target=run, name=_NAME, daemon=True)
     thread.start()
-    thread.join(patience_s)
+    thread.join(timeout_s)
     if thread.is_alive():
         return TimeoutError("it accepts no output")
     return raised[0] if raised else None

@@ -28,7 +28,7 @@ ZERO_TIMEOUT_S = 1.2  # some motors are silent for a second after their zero is 
 MAX_ZERO_ERROR_RAD = 0.1  # largest position after setting zero
 ZERO_TRIES = 3  # a frame may be lost
 # In addition to Ctrl-C and SIGTERM, which already raise KeyboardInterrupt.
-HANGING_UP = (signal.SIGHUP, signal.SIGQUIT)
+HANGUP_SIGNALS = (signal.SIGHUP, signal.SIGQUIT)
 
 
 class MotorState(NamedTuple):
@@ -193,11 +193,11 @@ def disabled_afterwards(bench: Bench) -> Iterator[None]:
     def end(*_: object) -> None:
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, end) for number in HANGING_UP}
+    before = {number: signal.signal(number, end) for number in HANGUP_SIGNALS}
     try:
         yield
     finally:
-        endings = (signal.SIGINT, signal.SIGTERM, *HANGING_UP)
+        endings = (signal.SIGINT, signal.SIGTERM, *HANGUP_SIGNALS)
         held = {number: signal.signal(number, signal.SIG_IGN) for number in endings}
         try:
             bench.disable()

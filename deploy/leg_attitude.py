@@ -65,8 +65,8 @@ class LegAttitude:
     def _force(self, position: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np.ndarray:
         """Upward force of the ground on each foot of a robot at rest, N, (legs,)."""
         legs = self._legs
-        outside = legs.holding_torque(position, GRAVITY_M_S2 * up) - legs.gather(torque)
-        return upward_force(legs.pose(position).jacobian, outside[:, :, None], up)[:, 0]
+        external = legs.holding_torque(position, GRAVITY_M_S2 * up) - legs.gather(torque)
+        return upward_force(legs.pose(position).jacobian, external[:, :, None], up)[:, 0]
 
     def _normal(self, position: np.ndarray, standing: np.ndarray, up: np.ndarray) -> np.ndarray | None:
         """Normal of the plane through the standing feet, base frame, (3,); None if they span no plane."""

@@ -13,7 +13,7 @@ from footfall.policies.contract import Contract
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
-from footfall.robots.momentum import outside_torque, upward_force
+from footfall.robots.momentum import external_torque, upward_force
 from footfall.robots.readings import Sensed
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -156,8 +156,8 @@ class FootTest:
     def _measure(self, inputs: PolicyInput) -> None:
         legs, sensed = self._robot.legs, inputs.sensed
         pose = legs.pose(sensed.joint_position)
-        outside = outside_torque(legs, sensed, sensed.joint_torque)
-        force = upward_force(pose.jacobian, outside[..., None], UP)[self._leg, 0]
+        external = external_torque(legs, sensed, sensed.joint_torque)
+        force = upward_force(pose.jacobian, external[..., None], UP)[self._leg, 0]
         offset = (pose.foot - legs.default_foot)[self._leg]
         self._samples.append((offset.copy(), float(force), self._weigh()))
 

@@ -64,7 +64,7 @@ class Receiver:
             return b""
         now_s = self._clock()
         self._renew(now_s)
-        self.answer = self._fresh(request, now_s) or self._ask(request)
+        self.answer = self._stale_reason(request, now_s) or self._carry_out(request)
         return pack(self._reply(request), self._token, REPLY)
 
     def _renew(self, now_s: float) -> None:
@@ -76,7 +76,7 @@ class Receiver:
         self._since_s = now_s
         self._latest = {k: v for k, v in self._latest.items() if now_s - v[1] <= 3 * CHALLENGE_S}
 
-    def _fresh(self, request: dict[str, Any], now_s: float) -> str:
+    def _stale_reason(self, request: dict[str, Any], now_s: float) -> str:
         """Why a request is refused as an old one; empty if it is new."""
         sender, number = request.get("sender"), request.get("number")
         if not isinstance(sender, str) or not isinstance(number, int) or len(sender) > MAX_NAME_CHARS:
@@ -90,7 +90,7 @@ class Receiver:
         self._latest[sender] = number, now_s
         return ""
 
-    def _ask(self, request: dict[str, Any]) -> str:
+    def _carry_out(self, request: dict[str, Any]) -> str:
         """Send a request to the inbox; returns why it is refused, empty if it is accepted."""
         name = request.get("name", "udp")
         if "stop" in request:
@@ -142,7 +142,5 @@ def steered_by_udp(
 
 
 def _line(receiver: Receiver, inbox: Inbox) -> str:
-    strangers = f"{receiver.refused} without the token" if receiver.refused else ""
-    return ", ".join(
-        filter(None, [f"udp: {inbox.owner or 'nobody'} has control", receiver.answer, strangers])
-    )
+    rejected = f"{receiver.refused} without the token" if receiver.refused else ""
+    return ", ".join(filter(None, [f"udp: {inbox.owner or 'nobody'} has control", receiver.answer, rejected]))

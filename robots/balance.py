@@ -13,7 +13,7 @@ from footfall.robots.description import Robot
 from footfall.robots.feet import foot_geoms, foot_spheres
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses
-from footfall.robots.momentum import outside_torque
+from footfall.robots.momentum import external_torque
 from footfall.robots.readings import Sensed
 from footfall.robots.support import convex_hull
 
@@ -101,7 +101,7 @@ class BalanceModel:
 
     def _forces(self, sensed: Sensed, stands: np.ndarray) -> np.ndarray:
         """Forces on the feet, (feet, 3) N, base frame."""
-        torque = outside_torque(self._legs, sensed, sensed.joint_torque)
+        torque = external_torque(self._legs, sensed, sensed.joint_torque)
         jacobian = self._legs.pose(sensed.joint_position).jacobian
         regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
         force: np.ndarray = solve(regular, jacobian @ torque[:, :, None])[:, :, 0]

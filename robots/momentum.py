@@ -19,8 +19,8 @@ from footfall.robots.readings import Sensed
 _REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
 
 
-def outside_torque(legs: Legs, sensed: Sensed, own: np.ndarray) -> np.ndarray:
-    """Torque on each joint from outside its motor, N m, (legs, m): weight - torque.
+def external_torque(legs: Legs, sensed: Sensed, own: np.ndarray) -> np.ndarray:
+    """External torque on each joint, N m, (legs, m): weight - torque.
 
     Args:
         legs: legs of the robot.
@@ -59,24 +59,24 @@ class MomentumObserver:
     def __init__(self, inertia: np.ndarray, filter_s: float) -> None:
         self._inertia, self._filter_s = inertia, filter_s
 
-    def reset(self, outside: np.ndarray, rates: np.ndarray) -> None:
+    def reset(self, external: np.ndarray, rates: np.ndarray) -> None:
         """Reset, assuming joints that do not accelerate; arguments as for `update`."""
-        self._slow = _side_by_side(outside, self._momentum(rates))
+        self._slow = _side_by_side(external, self._momentum(rates))
 
-    def update(self, outside: np.ndarray, rates: np.ndarray, dt_s: float) -> np.ndarray:
+    def update(self, external: np.ndarray, rates: np.ndarray, dt_s: float) -> np.ndarray:
         """Process one set of readings of the same time.
 
         Args:
-            outside: (legs, m) N m, see `outside_torque`.
+            external: (legs, m) N m, see `external_torque`.
             rates: (legs, m) rad/s, of the joints.
             dt_s: time since the previous readings.
 
         Returns:
-            (legs, m, 2) N m: filtered `outside`, and the rate of change of the momentum.
+            (legs, m, 2) N m: filtered `external`, and the rate of change of the momentum.
         """
         momentum = self._momentum(rates)
         share = dt_s / (self._filter_s + dt_s)
-        self._slow += share * (_side_by_side(outside, momentum) - self._slow)
+        self._slow += share * (_side_by_side(external, momentum) - self._slow)
         rate = (momentum - self._slow[:, :, 1]) / self._filter_s
         return _side_by_side(self._slow[:, :, 0], rate)
 

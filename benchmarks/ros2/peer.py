@@ -26,9 +26,9 @@ class Peer:
     def spin(self, seconds: float) -> None:
         self.until(lambda: False, seconds)
 
-    def until(self, done: Callable[[], Any], patience_s: float) -> Any:
+    def until(self, done: Callable[[], Any], timeout_s: float) -> Any:
         """The first true value that a function returns, or its last value at the timeout."""
-        end_s = time.monotonic() + patience_s
+        end_s = time.monotonic() + timeout_s
         while not (found := done()) and time.monotonic() < end_s:
             self.executor.spin_once(timeout_sec=0.02)
         return found

@@ -12,7 +12,7 @@ from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.estimation.config import ContactConfig
 from footfall.policies.policy import Sensed
 from footfall.robots.kinematics import Legs
-from footfall.robots.momentum import MomentumObserver, outside_torque, upward_force
+from footfall.robots.momentum import MomentumObserver, external_torque, upward_force
 from footfall.robots.rigid_body import RigidBody
 
 
@@ -39,8 +39,8 @@ class ContactEstimator:
         """Start with all feet in contact."""
         self.probability = [1.0] * self._legs.count
         self._error[:] = self._even_force
-        outside = outside_torque(self._legs, sensed, sensed.joint_torque)
-        self._observer.reset(outside, self._legs.gather(sensed.joint_velocity))
+        external = external_torque(self._legs, sensed, sensed.joint_torque)
+        self._observer.reset(external, self._legs.gather(sensed.joint_velocity))
 
     def update(
         self,
@@ -67,8 +67,8 @@ class ContactEstimator:
             Probability of each foot, in [0, 1].
         """
         config = self._config
-        outside = outside_torque(self._legs, sensed, sensed.joint_torque)
-        torque = self._observer.update(outside, rates, dt_s)
+        external = external_torque(self._legs, sensed, sensed.joint_torque)
+        torque = self._observer.update(external, rates, dt_s)
         force = upward_force(jacobian, np.add.reduce(torque, axis=2, keepdims=True), up)[:, 0]
         if len(sensed.foot_force):
             force = self._by_sensors(sensed.foot_force, force, dt_s)

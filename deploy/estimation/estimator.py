@@ -12,7 +12,13 @@ from footfall.deploy.estimation.feet import ContactPoints
 from footfall.deploy.estimation.filter import MotionFilter
 from footfall.deploy.estimation.gyro import GyroBias
 from footfall.deploy.estimation.height import StanceHeight
-from footfall.deploy.estimation.odometry import POSITION, VELOCITY, Drift, Lateness, Odometry
+from footfall.deploy.estimation.odometry import (
+    POSITION,
+    VELOCITY,
+    DelayUncertainty,
+    Odometry,
+    PoseUncertainty,
+)
 from footfall.deploy.estimation.sensor_notes import SensorNotes
 from footfall.policies.policy import Sensed
 from footfall.robots.description import Robot
@@ -38,8 +44,8 @@ class BaseEstimator:
         self._contact = ContactEstimator(self._legs, nominal_body(robot), self._config.contact)
         self._gyro = GyroBias(self._config.gyro)
         self.motion = MotionFilter(self._config.filter)
-        self._drift = Drift(self._config.odometry)
-        self._lateness = Lateness(self._config.odometry)
+        self._pose_uncertainty = PoseUncertainty(self._config.odometry)
+        self._delay_uncertainty = DelayUncertainty(self._config.odometry)
 
     @property
     def notes(self) -> list[str]:
@@ -51,7 +57,7 @@ class BaseEstimator:
         self._contact.reset(sensed)
         self._gyro.reset()
         self.motion.reset()
-        self._lateness.reset()
+        self._delay_uncertainty.reset()
         self._velocity, self._turning, self._quaternion = np.zeros(3), sensed.gyro, sensed.quaternion
         self._attitude: Attitude | None = None
         if self._config.own_attitude:
@@ -64,7 +70,7 @@ class BaseEstimator:
     def start(self) -> None:
         """Set the pose to zero and keep the estimated motion."""
         self.motion.begin_at((self._rotation @ self._imu).tolist())
-        self._drift.reset()
+        self._pose_uncertainty.reset()
         self._start_yaw = self._yaw()
         self._start_height = self._base_height()
 
@@ -72,11 +78,11 @@ class BaseEstimator:
         """Start again at rest after a fall, with all feet in contact, at the position of the fall and the
         IMU's yaw."""
         position = np.array(self.motion.position) - self._rotation @ self._imu
-        kept = self._start_yaw, self._start_height, self._drift
-        self._drift = Drift(self._config.odometry)  # because `reset` starts a new one
+        kept = self._start_yaw, self._start_height, self._pose_uncertainty
+        self._pose_uncertainty = PoseUncertainty(self._config.odometry)  # because `reset` starts a new one
         self.reset(sensed)
-        self._start_yaw, self._start_height, self._drift = kept
-        self._drift.fell()
+        self._start_yaw, self._start_height, self._pose_uncertainty = kept
+        self._pose_uncertainty.fell()
         self.motion.begin_at((position + self._rotation @ self._imu).tolist())
 
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
@@ -107,8 +113,8 @@ class BaseEstimator:
             self._attitude, bias = leveled(self._attitude, self.motion.bias, self._config.attitude)
             self.motion.bias = list(bias)
         self._height.update(self._position, self._up, contact, self.motion, dt_s)
-        self._drift.advance(self.motion.velocity, dt_s)
-        self._lateness.advance(self.motion.velocity, dt_s)
+        self._pose_uncertainty.advance(self.motion.velocity, dt_s)
+        self._delay_uncertainty.advance(self.motion.velocity, dt_s)
         self._velocity = np.array(self.motion.velocity).dot(rotation) - self._imu.dot(across)
         return self._velocity, self._base_height()
 
@@ -124,11 +130,11 @@ class BaseEstimator:
         config, motion = self._config.odometry, self.motion
         position = np.array(motion.position) - self._rotation @ self._imu
         covariance = np.zeros((7, 7))
-        covariance[:4, :4] = self._drift.covariance(position)
+        covariance[:4, :4] = self._pose_uncertainty.covariance(position)
         covariance[POSITION, POSITION] += motion.pp * np.eye(3)
         covariance[POSITION, VELOCITY] = covariance[VELOCITY, POSITION] = motion.pv * np.eye(3)
         standing = np.diag([config.creep_m_s, config.creep_m_s, config.sink_m_s]) ** 2
-        covariance[VELOCITY, VELOCITY] = motion.vv * np.eye(3) + standing + self._lateness.covariance
+        covariance[VELOCITY, VELOCITY] = motion.vv * np.eye(3) + standing + self._delay_uncertainty.covariance
         if config.level_ground:
             position[2] = self._base_height() - self._start_height
             covariance[2] = covariance[:, 2] = 0.0

@@ -24,7 +24,7 @@ class Odometry(NamedTuple):
     covariance: np.ndarray  # (7, 7) covariance of position, yaw, velocity
 
 
-class Lateness:
+class DelayUncertainty:
     """Uncertainty of the velocity due to the delay of readings.
 
     The delay is unknown, and a swaying body changes its velocity during it. A first-order filter with the
@@ -65,7 +65,7 @@ class Lateness:
         self._zz += share * (z * z - self._zz)
 
 
-class Drift:
+class PoseUncertainty:
     """Uncertainty of the pose that grows with the distance, in the frame of the IMU's orientation.
 
     No reading shows these three errors: yaw drifts (a random walk that rotates the path), the scale is wrong

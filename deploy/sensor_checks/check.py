@@ -44,6 +44,7 @@ class SensorCheck:
             limits: `SensorLimits`, or the part of them that the check uses.
             sample_s: time between two readings in a window.
         """
+        self._limits, self._n = limits, len(robot.joint_names)
         self.reset()
 
     def reset(self) -> None:

@@ -49,9 +49,7 @@ class Rotation(BodyCheck):
     message = "the IMU: its quaternion turned by {0:.2f} rad against its gyro"
     limit = Limit("rotation_rad")
 
-    def __init__(self, robot: Robot, limits: ImuLimits, sample_s: float) -> None:
-        self._limits = limits
-        self.reset()
+    _limits: ImuLimits
 
     def reset(self) -> None:
         self._error = [0.0, 0.0, 0.0]
@@ -132,9 +130,7 @@ class RestError(BodyCheck):
     message = "the IMU: at rest its acceleration is off its quaternion's gravity by {0:.0%}"
     limit = Limit("rest_error")
 
-    def __init__(self, robot: Robot, limits: ImuLimits, sample_s: float) -> None:
-        self._limits = limits
-        self.reset()
+    _limits: ImuLimits
 
     def reset(self) -> None:
         self._rest_s = 0.0

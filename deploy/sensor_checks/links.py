@@ -58,9 +58,7 @@ class Answers(LinkCheck):
     )
     limit = Limit("foreign_replies")
 
-    def __init__(self, robot: Robot, limits: LinkLimits, sample_s: float) -> None:
-        self._n, self._limits = len(robot.joint_names), limits
-        self.reset()
+    _limits: LinkLimits
 
     def reset(self) -> None:
         self._foreign = np.zeros(self._n)
@@ -83,9 +81,7 @@ class Unanswered(LinkCheck):
     limit = Limit("lost_share")
     leads_to = Mode.LOWERING
 
-    def __init__(self, robot: Robot, limits: LinkLimits, sample_s: float) -> None:
-        self._n, self._limits = len(robot.joint_names), limits
-        self.reset()
+    _limits: LinkLimits
 
     def reset(self) -> None:
         self._lost, self._arrived, self._baseline = np.zeros(self._n), np.zeros(self._n), np.ones(self._n)
@@ -112,9 +108,7 @@ class ImuLost(LinkCheck):
     message = "the IMU: {0:.0%} of its readings are lost"
     limit = Limit("lost_share")
 
-    def __init__(self, robot: Robot, limits: LinkLimits, sample_s: float) -> None:
-        self._limits = limits
-        self.reset()
+    _limits: LinkLimits
 
     def reset(self) -> None:
         self._lost, self._baseline, self._windows = 0.0, 0.0, 0
@@ -136,9 +130,7 @@ class ImuFrozen(LinkCheck):
     message = "the IMU: {0:.0%} of its new readings repeat the one before while joints move"
     limit = Limit("frozen_share")
 
-    def __init__(self, robot: Robot, limits: LinkLimits, sample_s: float) -> None:
-        self._limits = limits
-        self.reset()
+    _limits: LinkLimits
 
     def reset(self) -> None:
         self._share = 0.0

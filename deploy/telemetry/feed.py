@@ -130,12 +130,12 @@ class Feed:
             except OSError:
                 self._drop(subscriber)
 
-    def end(self, complete: bool, patience_s: float) -> None:
-        """End the feed: subscribers get the remaining data if they read it within `patience_s`."""
+    def end(self, complete: bool, timeout_s: float) -> None:
+        """End the feed: subscribers get the remaining data if they read it within `timeout_s`."""
         if complete:
             for waiting in self._waiting.values():
                 waiting.extend(_bytes(DataEnd(0), Footer(0, 0, 0)) + MCAP0_MAGIC)
-        until = time.monotonic() + patience_s
+        until = time.monotonic() + timeout_s
         while self.writable and (left := until - time.monotonic()) > 0.0:
             select.select([], self.writable, [], left)
             self.serve()

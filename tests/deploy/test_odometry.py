@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from footfall.deploy.estimation.config import OdometryConfig
-from footfall.deploy.estimation.odometry import YAW, Drift, Lateness
+from footfall.deploy.estimation.odometry import YAW, DelayUncertainty, PoseUncertainty
 
 NO_DRIFT = OdometryConfig(orientation_noise=0.0, yaw_drift=0.0, scale_error=0.0, climb_error=0.0, slip=0.0)
 
 
-def walked(config: OdometryConfig, velocity: tuple[float, float], time_s: float) -> Drift:
-    drift = Drift(config)
+def walked(config: OdometryConfig, velocity: tuple[float, float], time_s: float) -> PoseUncertainty:
+    drift = PoseUncertainty(config)
     for _ in range(round(time_s / 0.001)):
         drift.advance([*velocity, 0.3], 0.001)
     return drift
@@ -32,14 +32,14 @@ class TestDrift:
         np.testing.assert_allclose([found[1, 1], found[0, 1], found[1, YAW], found[2, 2]], 0.0, atol=1e-12)
 
     def test_a_wrong_scale_is_a_share_of_the_displacement(self) -> None:
-        drift = Drift(OdometryConfig(**{**vars(NO_DRIFT), "scale_error": 0.02}))
+        drift = PoseUncertainty(OdometryConfig(**{**vars(NO_DRIFT), "scale_error": 0.02}))
         moved = np.array([3.0, -4.0, 0.0])
         found = drift.covariance(moved)[:3, :3]
         np.testing.assert_allclose(found, 0.0004 * np.outer(moved, moved), atol=1e-15)
 
     def test_slips_add_up_with_the_walked_distance(self) -> None:
         """The robot walks 1.5 m ahead and 1.5 m back: three metres."""
-        drift = Drift(OdometryConfig(**{**vars(NO_DRIFT), "slip": 0.02, "climb_error": 0.1}))
+        drift = PoseUncertainty(OdometryConfig(**{**vars(NO_DRIFT), "slip": 0.02, "climb_error": 0.1}))
         for speed in (0.5, -0.5):
             for _ in range(300):
                 drift.advance([speed, 0.0, 0.0], 0.01)
@@ -48,9 +48,9 @@ class TestDrift:
 
 
 class TestLateness:
-    def swayed(self, late_s: float, frequency_hz: float = 2.0) -> Lateness:
+    def swayed(self, late_s: float, frequency_hz: float = 2.0) -> DelayUncertainty:
         """A walk at 0.5 m/s for a second, then a sway of 0.1 m/s to the left and right."""
-        lateness = Lateness(OdometryConfig(latency_s=late_s, latency_filter_s=0.5))
+        lateness = DelayUncertainty(OdometryConfig(latency_s=late_s, latency_filter_s=0.5))
         for tick in range(4000):
             angle = math.tau * frequency_hz * 0.001 * tick
             lateness.advance([0.5, 0.1 * math.sin(angle), 0.0], 0.001)
@@ -65,7 +65,7 @@ class TestLateness:
 
         At first it lags by 3/4 in ticks of 1 ms, of which a tenth counts.
         """
-        lateness = Lateness(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
+        lateness = DelayUncertainty(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
         lateness.advance([0.0, 0.0, 0.0], 0.001)
         lateness.advance([0.0, 0.0, 1.0], 0.001)
         assert lateness.covariance[2, 2] == pytest.approx(0.1 * 0.75**2)

@@ -32,7 +32,7 @@ def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_info_and_page_of_a_sound_run(shell: Shell, logged: Path, tmp_path: Path) -> None:
     result = shell("log", "info", logged)
     assert result.status == 0
-    for part in ("sway on go1", "in order", "No fault", "Each foot path is continuous", "/joint_states"):
+    for part in ("sway on go1", "IDLE", "No fault", "Each foot path is continuous", "/joint_states"):
         assert part in result.out, result.out
     assert shell("log", "plot", logged, "--out", tmp_path / "page.html").status == 0
     page = (tmp_path / "page.html").read_text()

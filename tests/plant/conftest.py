@@ -12,7 +12,7 @@ ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]
 
 
 @pytest.fixture
-def odd(own_folder: Path) -> Robot:
+def altered(own_folder: Path) -> Robot:
     """go1 with its joints in another order and a foot of two spheres; before it a gate that swings."""
     xml = own_folder / "robot.xml"
     text = xml.read_text()

@@ -14,8 +14,8 @@ from footfall.robots.model import read_plant
 
 
 class TestTruth:
-    def test_every_part_of_the_state_is_found_in_a_plant_of_more_than_the_robot(self, odd: Robot) -> None:
-        body = body_of(odd)
+    def test_every_part_of_the_state_is_found_in_a_plant_of_more_than_the_robot(self, altered: Robot) -> None:
+        body = body_of(altered)
         thrown(body)
         data, model = body.data, body.model
         truth = body.truth()
@@ -24,7 +24,7 @@ class TestTruth:
         np.testing.assert_array_equal(truth.base_quaternion, data.qpos[4:8])
         np.testing.assert_allclose(truth.base_velocity, turn.inv().apply(data.qvel[1:4]), atol=1e-12)
         np.testing.assert_array_equal(truth.base_angular_velocity, data.qvel[4:7])
-        for k, name in enumerate(odd.joint_names):
+        for k, name in enumerate(altered.joint_names):
             assert truth.joint_position[k] == data.joint(name).qpos[0]
             assert truth.joint_velocity[k] == data.joint(name).qvel[0]
         np.testing.assert_array_equal(truth.qpos, data.qpos)
@@ -35,7 +35,10 @@ class TestTruth:
             mujoco.mj_integratePos(model, moved.qpos, data.qvel, dt)
             mujoco.mj_kinematics(model, moved)
             positions.append(
-                [np.mean([moved.geom(g).xpos for g in foot.geoms], axis=0) for foot in odd.description.feet]
+                [
+                    np.mean([moved.geom(g).xpos for g in foot.geoms], axis=0)
+                    for foot in altered.description.feet
+                ]
             )
         np.testing.assert_allclose(truth.foot_position, positions[1], atol=1e-12)
         velocity = np.subtract(positions[2], positions[0]) / 2e-6

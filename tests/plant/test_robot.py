@@ -15,19 +15,21 @@ from footfall.robots.model import joint_addresses
 
 class TestStart:
     def test_the_robot_starts_on_the_highest_ground_below_its_feet(
-        self, odd: Robot, own_folder: Path
+        self, altered: Robot, own_folder: Path
     ) -> None:
         """A step under one foot raises the robot by the step's height; the gate stays at its position."""
-        text = odd.xml_path.read_text()
+        text = altered.xml_path.read_text()
         step = '<geom type="plane" size="0 0 1" pos="0 0 -1"/>'
         step += '<geom type="box" size="0.1 0.1 0.2" pos="0.19 0.13 -0.9"/>'
         (own_folder / "step.xml").write_text(text.replace("<worldbody>", f"<worldbody>{step}"))
-        body = body_of(odd, plant=own_folder / "step.xml")
+        body = body_of(altered, plant=own_folder / "step.xml")
         data = body.data
-        np.testing.assert_array_equal(data.qpos[joint_addresses(body.model, odd)[0]], odd.default_pose)
+        np.testing.assert_array_equal(
+            data.qpos[joint_addresses(body.model, altered)[0]], altered.default_pose
+        )
         assert data.qpos[:3].tolist() == [0.7, 0.0, 0.0]
         assert data.qpos[4:8].tolist() == [1.0, 0.0, 0.0, 0.0]
-        assert data.qpos[3] == pytest.approx(odd.description.standing_height_m - 0.7, abs=1e-4)
+        assert data.qpos[3] == pytest.approx(altered.description.standing_height_m - 0.7, abs=1e-4)
         lowest = data.geom("FL_foot").xpos[2] - 0.023
         assert -1e-6 < -0.7 - lowest < 1e-6
 
@@ -38,8 +40,8 @@ class TestStart:
         with pytest.raises(Exception, match="4 m"):
             body_of(go1, plant=tmp_path / "deep.xml")
 
-    def test_a_push_is_in_the_worlds_axes_and_acts_on_the_base_only(self, odd: Robot) -> None:
-        body = body_of(odd)
+    def test_a_push_is_in_the_worlds_axes_and_acts_on_the_base_only(self, altered: Robot) -> None:
+        body = body_of(altered)
         thrown(body)
         before = body.data.qvel.copy()
         body.push((0.1, -0.2, 0.3))

@@ -62,7 +62,7 @@ def test_a_height_at_which_no_foot_touches_is_refused(
 
 
 @pytest.fixture
-def odd(own_folder: Path) -> Robot:
+def altered(own_folder: Path) -> Robot:
     """go1 with a tail and an initially rotated trunk, before it a gate that is no part of the robot."""
     xml = own_folder / "robot.xml"
     text = xml.read_text()
@@ -83,11 +83,11 @@ def odd(own_folder: Path) -> Robot:
     return load_robot(own_folder)
 
 
-def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(odd: Robot) -> None:
+def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(altered: Robot) -> None:
     """The momenta about each axis are equal in the default pose. The gate is not a part of the robot."""
-    model = load_spec(odd.xml_path).compile()
-    data = in_default_pose(model, odd.description)
-    body, trunk = nominal_body(odd), model.body("trunk").id
+    model = load_spec(altered.xml_path).compile()
+    data = in_default_pose(model, altered.description)
+    body, trunk = nominal_body(altered), model.body("trunk").id
     mujoco.mj_forward(model, data)
     assert body.mass == pytest.approx(model.body_mass.sum() - 5.0)
     weights = model.body_mass[trunk:, None] * data.xipos[trunk:]
@@ -100,17 +100,17 @@ def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(odd: Robot) -> None:
         np.testing.assert_allclose(body.inertia[axis], data.subtree_angmom[trunk], atol=1e-12)
 
 
-def test_a_legs_inertia_is_that_at_its_joints(odd: Robot) -> None:
+def test_a_legs_inertia_is_that_at_its_joints(altered: Robot) -> None:
     """If the base is held, torques M a on one leg accelerate its joints by a, without gravity and motion."""
-    model = load_spec(odd.xml_path).compile()
+    model = load_spec(altered.xml_path).compile()
     model.opt.gravity[:] = 0.0
     model.dof_frictionloss[:] = 0.0
-    data = in_default_pose(model, odd.description)
+    data = in_default_pose(model, altered.description)
     base = slice(1, 7)
     mujoco.mj_forward(model, data)
-    dofs = joint_addresses(model, odd)[1][np.array(odd.foot_joints)]
+    dofs = joint_addresses(model, altered)[1][np.array(altered.foot_joints)]
     expected = np.array([3.0, -5.0, 8.0])
-    for leg, inertia in enumerate(nominal_body(odd).leg_inertia):
+    for leg, inertia in enumerate(nominal_body(altered).leg_inertia):
         data.qacc[:] = 0.0
         data.qacc[dofs[leg]] = expected
         mujoco.mj_inverse(model, data)

@@ -154,7 +154,7 @@ def on_base(*limbs: str, extra: str = "") -> str:
       </worldbody>{extra}</mujoco>"""
 
 
-ODD_LEG = """<body name="{0}_hip" pos="0.1 {1} 0" euler="0.1 0.2 {2}">
+UNUSUAL_LEG = """<body name="{0}_hip" pos="0.1 {1} 0" euler="0.1 0.2 {2}">
   <joint name="{0}_roll" axis="1 0.1 0" pos="0.01 0.02 -0.03" ref="0.3" range="-0.6 0.9" damping="0.3"/>
   <joint name="{0}_pitch" axis="0 1 0.1" pos="0 -0.01 0.02" range="-1.2 1" frictionloss="0.4"/>
   <geom type="capsule" fromto="0 0 0 0.02 0 -0.2" size="0.03" mass="1.1"/>
@@ -166,7 +166,7 @@ ODD_LEG = """<body name="{0}_hip" pos="0.1 {1} 0" euler="0.1 0.2 {2}">
         <geom name="{0}_sphere" size="0.025" pos="0.01 0 0" mass="0.07" friction="1.3"
           contype="2" conaffinity="5"/>
       </body></body></body></body>"""
-ODD = f"""<mujoco><compiler angle="radian" autolimits="true"/><worldbody>
+UNUSUAL = f"""<mujoco><compiler angle="radian" autolimits="true"/><worldbody>
   <body name="stand" pos="9 9 9"><joint name="crank"/><geom size="0.3" mass="7"/></body>
   <body name="pelvis" pos="0.3 0.2 1" euler="0.3 -0.2 0.9"><freejoint/>
     <geom type="box" size="0.1 0.05 0.08" mass="4"/>
@@ -176,5 +176,5 @@ ODD = f"""<mujoco><compiler angle="radian" autolimits="true"/><worldbody>
       <geom size="0.1" mass="2"/>
       <body name="arm" pos="0 0.3 0"><joint name="arm" axis="0 1 0" range="0.4 2"/>
         <geom name="hand" size="0.04" pos="0.2 0 0" mass="0.6"/></body>
-      {ODD_LEG.format("l", 0.1, 0.4)}{ODD_LEG.format("r", -0.1, -0.3)}</body>
+      {UNUSUAL_LEG.format("l", 0.1, 0.4)}{UNUSUAL_LEG.format("r", -0.1, -0.3)}</body>
   </body></worldbody></mujoco>"""

@@ -54,9 +54,9 @@ def polled_until(inbox: Inbox, holds: Callable[[Request], object], limit_s: floa
     return request
 
 
-def eventually(found: Callable[[], Any], patience_s: float = 30.0) -> Any:
+def eventually(found: Callable[[], Any], timeout_s: float = 30.0) -> Any:
     """The first true value of a repeatedly called function; its last value if there is none."""
-    end_s = time.monotonic() + patience_s
+    end_s = time.monotonic() + timeout_s
     while not (value := found()) and time.monotonic() < end_s:
         time.sleep(0.005)
     return value

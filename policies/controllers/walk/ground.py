@@ -8,7 +8,7 @@ from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.robots.actuator import friction_torque
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import Legs
-from footfall.robots.momentum import MomentumObserver, outside_torque, upward_force
+from footfall.robots.momentum import MomentumObserver, external_torque, upward_force
 from footfall.robots.readings import Sensed
 from footfall.robots.rigid_body import RigidBody
 
@@ -81,9 +81,9 @@ class GroundForce:
 
     def reset(self, sensed: Sensed) -> None:
         """Start with joints without acceleration."""
-        outside = self._outside(sensed)
-        self._observer.reset(outside, self._legs.gather(sensed.joint_velocity))
-        self._smooth = np.stack([outside, np.zeros_like(outside)], axis=-1)
+        external = self._external(sensed)
+        self._observer.reset(external, self._legs.gather(sensed.joint_velocity))
+        self._smooth = np.stack([external, np.zeros_like(external)], axis=-1)
 
     def update(self, sensed: Sensed, jacobian: np.ndarray, dt_s: float) -> np.ndarray:
         """Update with one set of readings; returns the share of each foot, (feet,), negative if pulled down.
@@ -95,15 +95,15 @@ class GroundForce:
         """
         rates = self._legs.gather(sensed.joint_velocity)
         share = dt_s / (self._filter_s + dt_s)
-        self._smooth += share * (self._observer.update(self._outside(sensed), rates, dt_s) - self._smooth)
+        self._smooth += share * (self._observer.update(self._external(sensed), rates, dt_s) - self._smooth)
         held, inertial = upward_force(jacobian, self._smooth, _UP).T
         force: np.ndarray = held + inertial + self._doubt * np.minimum(inertial, 0.0)
         return force / self._even_force
 
-    def _outside(self, sensed: Sensed) -> np.ndarray:
+    def _external(self, sensed: Sensed) -> np.ndarray:
         """Torque on each joint that comes neither from its motor nor its gearbox, N m, (legs, m)."""
         own = sensed.joint_torque + friction_torque(sensed.joint_velocity, self._motor, sensed.joint_torque)
-        return outside_torque(self._legs, sensed, own)
+        return external_torque(self._legs, sensed, own)
 
 
 def weight_torque(legs: Legs, jacobian: np.ndarray, stands: np.ndarray, weight: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from foreign_robots import ODD, hanging, on_base, read
+from foreign_robots import UNUSUAL, hanging, on_base, read
 
 from footfall.common.errors import UserError
 from footfall.robots.importer.build import build_machine
@@ -22,7 +22,7 @@ class TestMachine:
 
     @pytest.fixture
     def source(self, tmp_path: Path) -> Source:
-        return read(tmp_path, ODD)
+        return read(tmp_path, UNUSUAL)
 
     @pytest.fixture
     def machine(self, source: Source) -> Machine:

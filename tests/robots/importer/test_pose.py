@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from foreign_robots import ODD, on_base, read
+from foreign_robots import UNUSUAL, on_base, read
 
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.machine import Machine
@@ -71,7 +71,7 @@ class TestPose:
 
     def test_joints_outside_legs_are_as_near_to_zero_as_possible(self, tmp_path: Path) -> None:
         """Both legs of the biped hang on a waist."""
-        pose = self.pose(tmp_path, ODD)
+        pose = self.pose(tmp_path, UNUSUAL)
         assert pose.joints["waist"] == pytest.approx(0.2)
 
     def test_a_given_pose_is_kept_within_94_hundredths_of_each_range(self, tmp_path: Path) -> None:
