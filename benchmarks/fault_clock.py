@@ -179,14 +179,14 @@ def row(kind: TimingFault, runs: list[dict[str, Any]]) -> str:
     )
     states = Counter(run["final_state"] for run in runs)
     ends = ", ".join(f"{state} {count}" for state, count in sorted(states.items()))
-    says = "; ".join(dict.fromkeys(run["fault"] for run in runs if run["fault"]))
+    messages = "; ".join(dict.fromkeys(run["fault"] for run in runs if run["fault"]))
     cells = (
         kind.name,
         f"{len(seconds)}/{len(runs)}",
         f"{median}, {longest} ({limit})",
         ends,
         str(sum(run["fell"] for run in runs)),
-        says if as_expected(kind, runs) else f"**{says or 'missed'}**",
+        messages if as_expected(kind, runs) else f"**{messages or 'missed'}**",
         kind.reason,
     )
     return "| " + " | ".join(cells) + " |"

@@ -86,9 +86,8 @@ class Outcome:
     draw: int
     leg: str
     errors: dict[str, list[float]] = field(default_factory=dict)  # by quantity, in the units of `TARGETS`
-    off: dict[str, list[float]] = field(
-        default_factory=dict
-    )  # by quantity: error / half-width of the interval
+    # By quantity: error / half-width of the interval.
+    off: dict[str, list[float]] = field(default_factory=dict)
     undetermined: list[str] = field(default_factory=list)
     held_out_mrad: list[float] = field(default_factory=list)
     nominal_mrad: list[float] = field(default_factory=list)

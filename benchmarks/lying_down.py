@@ -35,9 +35,8 @@ class Watch:
     def __init__(self, policy: InjectingPolicy, at_s: float) -> None:
         self._policy, self._at_s = policy, at_s
         self.max_tilt = self.last_tilt = self.speed = 0.0
-        self.touched_m_s: float | None = (
-            None  # downward speed of the base at its first contact with the ground
-        )
+        # Downward speed of the base at its first contact with the ground.
+        self.touched_m_s: float | None = None
         self._sinking = 0.0
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:

@@ -191,9 +191,8 @@ def run_brax(impl: str, settings: dict[str, Any], on_policy: Callable[..., None]
     settings = dict(settings)
     factory = settings.pop("network_factory")
     env = registry.load(task, config_overrides={"impl": impl})
-    if (
-        impl == "warp"
-    ):  # one iteration is often not enough, and Warp then prints a line each time: gigabytes in minutes
+    # One iteration is often not enough, and Warp then prints a line each time: gigabytes in minutes.
+    if impl == "warp":
         env._mjx_model = env.mjx_model.tree_replace({"opt._impl.warn_overflow": 0})
     brax.train(
         environment=env,

@@ -168,9 +168,8 @@ class ScenarioFile:
 
     noise: Noise  # of the readings, in every scenario
     scenarios: dict[str, Scenario]
-    height_scan_errors: HeightScanErrors = field(
-        default_factory=HeightScanErrors
-    )  # in every scenario, as the noise
+    # In every scenario, as the noise.
+    height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)
 
     def select(self, names: Sequence[str]) -> dict[str, Scenario]:
         """The named scenarios, in the order given.

@@ -43,9 +43,8 @@ class Shooting:
     start: np.ndarray  # (W, s) estimated
     start_sigma: np.ndarray  # (s,) standard deviation of that estimate
     recording: np.ndarray  # (W,) index of the recording of each window
-    window_weight: np.ndarray = field(
-        default_factory=lambda: np.ones(0)
-    )  # (W,); empty: recordings count alike
+    # (W,); empty: recordings count alike.
+    window_weight: np.ndarray = field(default_factory=lambda: np.ones(0))
     point_weight: np.ndarray = field(default_factory=lambda: np.ones(0))  # (W, R, c) of outliers; empty: ones
 
     @property
@@ -184,9 +183,8 @@ class Shooting:
 
         moved = self.start + step.move
         residuals = self._residuals(x[:, None], moved[None])[0]
-        better = cost(residuals, moved) < cost(
-            step.residuals, self.start
-        )  # a sticking joint has no derivative
+        # A sticking joint has no derivative.
+        better = cost(residuals, moved) < cost(step.residuals, self.start)
         return replace(self, start=np.where(better[:, None], moved, self.start)), step.elimination
 
     def _reweighted(self, x: np.ndarray) -> "Shooting":

@@ -31,9 +31,8 @@ class Audit:
         if requests.kind is not None or requests.values.shape[1] != len(position):
             return
         values = np.empty_like(requests.values)
-        values[:, requests.motor] = (
-            requests.values
-        )  # with motors of several makers, requests are grouped by maker
+        # With motors of several makers, requests are grouped by maker.
+        values[:, requests.motor] = requests.values
         command = JointCommand(*values)
         demand = pd_torque(command, position, velocity)
         possible = limit_torque(demand, velocity, self._robot.motor)

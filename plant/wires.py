@@ -33,10 +33,11 @@ class _Batch:
     def __init__(self, frames: Frames, start: float | list[float], offset: np.ndarray, last: float) -> None:
         self.frames = frames
         self.last = last  # arrival of the last frame
+        # Start of all wires, or of each; offset of each frame, (k,).
         self._start, self._offset = (
             start,
             offset,
-        )  # start of all wires, or of each; offset of each frame, (k,)
+        )
         self._arrival: np.ndarray | None = None  # computed on demand
         self.bits: np.ndarray = _NOT_KNOWN  # (k,) of each frame on its wire, repetitions included
 

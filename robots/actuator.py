@@ -41,9 +41,8 @@ class Motor(NamedTuple):
     strength: Array  # delivered torque over commanded torque; 1 for a nominal motor
     lag_s: Array | None = None  # time constant of the torque, a first-order lag; 0: no lag
     stribeck: Array | None = None  # N m, friction at rest beyond Coulomb friction
-    stribeck_speed: Array | None = (
-        None  # rad/s at which half of it is left; None: STRIBECK_RAMPS friction speeds
-    )
+    # rad/s, speed at which half of it is left; None: STRIBECK_RAMPS friction speeds
+    stribeck_speed: Array | None = None
     load_friction: Array | None = None  # share of the motor torque that friction takes
     backlash: Array | None = None  # rad, whole play of the gearbox
     compliance: Array | None = None  # rad/(N m), of the gearbox

@@ -1,4 +1,4 @@
-"""MuJoCo models derived from one MJCF: the plant of the simulated robot and the lean training model."""
+"""MuJoCo models derived from one MJCF: the plant of the simulated robot and the reduced training model."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -82,9 +82,8 @@ def training_spec(
             spec.delete(geom)
             continue
         geom.contype, geom.conaffinity = 0, int(lands or geom.name in feet)
-        if (
-            lands and geom.name not in feet
-        ):  # MuJoCo's rule for two geoms without priority, see `let_feet_decide`
+        # MuJoCo's rule for two geoms without priority, see `let_feet_decide`.
+        if lands and geom.name not in feet:
             geom.friction = np.maximum(geom.friction, FLOOR_FRICTION)
     for joint in () if whole_body else spec.joints:
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE

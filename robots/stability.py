@@ -11,9 +11,8 @@ from footfall.robots.stance import in_default_pose
 
 TRAINING_TIMESTEP_S = 0.005
 PLANT_TIMESTEP_S = 0.001
-MAX_VELOCITY_SHARE = (
-    1.5  # share of a velocity that an explicit step may remove; above 2, speeds grow without bound
-)
+# Share of a velocity that an explicit step may remove; above 2, speeds grow without bound.
+MAX_VELOCITY_SHARE = 1.5
 MAX_STEP_ANGLE_RAD = 2.0  # natural frequency times step; above, oscillations grow (symplectic Euler)
 
 

@@ -49,9 +49,8 @@ class PpoConfig:
     actor_hidden_dims: tuple[int, ...]  # units of each hidden layer
     critic_hidden_dims: tuple[int, ...]  # the same for the critic
     final_entropy_coef: float | None = None  # at the end, falling linearly; None: constant
-    desired_kl: float | None = (
-        None  # target KL divergence: the learning rate adapts to it, below its falling limit
-    )
+    # Target KL divergence: the learning rate adapts to it, below its falling limit.
+    desired_kl: float | None = None
     bfloat16: bool = False  # hidden layers compute in 16 bits; parameters, losses and exports stay float32
     symmetry: bool = False  # learn from mirror images too; the robot must be the same left and right
 

@@ -13,11 +13,12 @@ SLOW_US = 100_000  # heartbeat, temperature and supply
 DELIVERED_CURRENT_A = 10.0  # current_soft_max
 STAGGER_US = 7000  # between axes, so that their slow messages do not coincide
 
+# Each a third of the period after the previous one.
 _SLOW = (
     odrive.HEARTBEAT,
     odrive.TEMPERATURE,
     odrive.SUPPLY,
-)  # each a third of the period after the previous one
+)
 _KIND = {
     odrive.TORQUE: Request.COMMAND,
     odrive.VELOCITY: Request.COMMAND,

@@ -85,9 +85,8 @@ def contact_trust(phases: np.ndarray, duty: float, edge: float) -> np.ndarray:
         duty: share of the cycle in stance.
         edge: share of the stance over which trust rises and falls (as in Bledt et al. 2018).
     """
-    return np.array(
-        [trust_at(phase, duty, edge) for phase in phases.tolist()]
-    )  # faster than NumPy for so few legs
+    # Faster than NumPy for so few legs.
+    return np.array([trust_at(phase, duty, edge) for phase in phases.tolist()])
 
 
 def trust_at(phase: float, duty: float, edge: float) -> float:

@@ -73,9 +73,8 @@ MEASURED = {
 }
 # A leg moves its foot sideways if a hinge axis has at least this part outside the y direction.
 SIDEWAYS = 0.1
-PLANAR_DUTY = (
-    0.65  # minimum duty factor under MPC for legs that cannot push sideways, so that more feet stand
-)
+# Minimum duty factor under MPC for legs that cannot push sideways, so that more feet stand.
+PLANAR_DUTY = 0.65
 
 
 class Size(NamedTuple):

@@ -57,9 +57,8 @@ class ImportRequest:
     # Randomisation ranges for quadrupeds of usual size, (lowest, highest) by name: see randomisation_yaml.
     defaults: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     gaits_of: Callable[[Robot], Sequence[str]] = lambda _: ()  # names; the first is used
-    find_lying_pose: Callable[[Robot], np.ndarray | None] | None = (
-        None  # (n,) rad; None if the robot cannot lie
-    )
+    # (n,) rad; None if the robot cannot lie.
+    find_lying_pose: Callable[[Robot], np.ndarray | None] | None = None
 
 
 class Imported(NamedTuple):

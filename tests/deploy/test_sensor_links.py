@@ -94,7 +94,7 @@ class TestImu:
         assert windows_until(links.ImuLost, lambda: link.window(new=lambda update: update < 9)) is None
         assert windows_until(links.ImuLost, lambda: link.window(new=lambda update: update < 5)) is not None
 
-    def test_a_reading_that_stays_the_same_now_and_then_is_noticed(self, go1: Robot) -> None:
+    def test_a_reading_that_is_frozen_intermittently_is_noticed(self, go1: Robot) -> None:
         link = Link(go1, links.ImuFrozen)
         assert windows_until(links.ImuFrozen, link.window) is None
         frozen = lambda number: reading(number if number % 10 < 5 else number // 10 * 10 + 5)  # noqa: E731
@@ -146,7 +146,7 @@ class TestUnexplained:
         torque = lambda t: (0.0 if t % 0.2 < faulty_s else commanded, commanded)  # noqa: E731
         return float(measured(go1, Unexplained, torque=torque, samples=500)[0])
 
-    def test_a_motor_that_drops_out_now_and_then_is_noticed(self, go1: Robot) -> None:
+    def test_a_motor_that_drops_out_intermittently_is_noticed(self, go1: Robot) -> None:
         assert self.drops_out(go1, 0.03) > LIMITS.unexplained
         assert self.drops_out(go1, 0.0) == 0.0
 
@@ -197,7 +197,7 @@ class TestCommandsIgnored:
         assert self.share(go1, late, strength=0.45) < 0.6 < LIMITS.commands_ignored
 
     def test_noise_of_a_still_joint_is_no_command(self, go1: Robot) -> None:
-        """A controller holds the joint stiffly, and then limply."""
+        """The controller holds the joint stiffly, and then only damps it."""
         readings, sent, rng = JointReadings(go1, CommandsIgnored), np.zeros((5, 12)), np.random.default_rng(0)
         readings.begin(0, np.zeros(12, np.int64), np.zeros((3, 12)))
         values = []

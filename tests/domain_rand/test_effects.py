@@ -196,9 +196,8 @@ class TestBodyMap:
     ) -> None:
         floor = '<geom name="dust" size=".1"/><geom name="floor" type="plane" size="1 1 1"/>'
         model = mujoco.MjModel.from_xml_string(self.XML.format(floor=floor))
-        robot = self.robot(
-            go1, monkeypatch, [[4], [], [0]]
-        )  # a foot without geoms, and a foot that is the first geom
+        # A foot without geoms, and a foot that is the first geom.
+        robot = self.robot(go1, monkeypatch, [[4], [], [0]])
         where = body_map(model, robot)
         assert where.contact_geoms == (0, 1, 2, 4)
         assert where.dofs == (6, 0)

@@ -164,9 +164,8 @@ class TestStep:
         rate = max(sum(expected.values()), CONFIG.reward_floor)
         assert float(result.reward) == pytest.approx(rate / 40.0, rel=1e-4)
         assert not np.array_equal(after.command, due.command)
-        np.testing.assert_allclose(
-            result.observation["state"][3:6], after.command
-        )  # the observation has the new command
+        # The observation has the new command.
+        np.testing.assert_allclose(result.observation["state"][3:6], after.command)
         forward, left = TILTED.inv().apply(np.asarray(begun.qvel[:3]))[:2]
         error = np.hypot(0.4 - forward, -0.2 - left)
         assert float(result.metrics["tracking/linear_error_m_s"]) == pytest.approx(error, rel=1e-4)

@@ -16,7 +16,7 @@ from footfall.pages.handshake import refusal
 from footfall.pages.page import serving
 
 FOREIGN = "http://evil.example"
-WHAT_VISER_SPEAKS = [f"viser-v{__version__}"]
+VISER_PROTOCOLS = [f"viser-v{__version__}"]
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def answer(port: int, origin: str | None) -> int:
     """HTTP status for a WebSocket client with this origin; 101 if viser accepts it and sends its content."""
     try:
         with connect(
-            f"ws://localhost:{port}", origin=origin, subprotocols=WHAT_VISER_SPEAKS, max_size=None, proxy=None
+            f"ws://localhost:{port}", origin=origin, subprotocols=VISER_PROTOCOLS, max_size=None, proxy=None
         ) as connection:
             assert len(connection.recv(timeout=20.0)) > 0
             return 101

@@ -29,9 +29,8 @@ class TestOverrides:
         own, changed = load_settings("mpc", go1), load_settings(f"mpc@{mine}", go1)
         assert (changed.gait.period_s, changed.weights.force) == (0.5, 1e-4)
         assert (changed.gait.name, changed.weights.attitude) == (own.gait.name, own.weights.attitude)
-        changed = load_settings(
-            f"mpc@{mine}@gait.period_s=0.41@friction=0.55", go1
-        )  # later settings override earlier ones
+        # Later settings override earlier ones.
+        changed = load_settings(f"mpc@{mine}@gait.period_s=0.41@friction=0.55", go1)
         assert (changed.gait.period_s, changed.contact.friction) == (0.41, 0.55)
         assert changed.weights.force == 1e-4
 

@@ -11,9 +11,8 @@ from footfall.robots.support import support_margin
 
 AHEAD, ASIDE = 0.2, 0.15
 FEET = np.array([[AHEAD, ASIDE], [AHEAD, -ASIDE], [-AHEAD, ASIDE], [-AHEAD, -ASIDE]])  # FL FR HL HR
-OFFSETS = np.array(
-    [0.5, 0.0, 0.75, 0.25]
-)  # hind left in the air until 1/4, then front left, hind right, front right
+# Hind left in the air until 1/4, then front left, hind right, front right.
+OFFSETS = np.array([0.5, 0.0, 0.75, 0.25])
 HEIGHT_M = 0.2452  # w^2 h / g = 1 where w^2 = 40 / s^2
 ONE_HZ = (2 * math.pi) ** 2 * HEIGHT_M / 9.81  # 0.987
 DUTY = 0.75

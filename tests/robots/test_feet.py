@@ -86,9 +86,8 @@ def test_one_box_may_serve_for_four_corners_and_counts_once(tmp_path: Path) -> N
     for sphere in spheres:
         spec.delete(sphere)
     link.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=middle)
-    link.add_geom(
-        type=SPHERE, size=[0.03, 0, 0]
-    )  # the ankle's housing, farther from each corner than the box
+    # The ankle's housing, farther from each corner than the box.
+    link.add_geom(type=SPHERE, size=[0.03, 0, 0])
     model = spec.compile()
     (sole,) = find_feet(model, robot.description, robot.xml_path)[0].tolist()
     assert model.geom_type[sole] == mujoco.mjtGeom.mjGEOM_BOX

@@ -94,9 +94,8 @@ def test_an_edge_lies_between_two_levels(name: str) -> None:
     np.testing.assert_allclose(height_at(ground, onto - 1e-6 * away), edge.high[some], atol=1e-9)
     on_jax = Ground(jnp.asarray(ground.heights), jnp.asarray(ground.stepped), ground.cell_m)
     for numpy_values, jax_values in zip(edge, edge_at(on_jax, jnp.asarray(positions)), strict=True):
-        assert (
-            np.quantile(np.abs(numpy_values - np.asarray(jax_values)), 0.98) < 1e-4
-        )  # a position may be in the next cell
+        # A position may be in the next cell.
+        assert np.quantile(np.abs(numpy_values - np.asarray(jax_values)), 0.98) < 1e-4
 
 
 def test_random_heights_follow_from_the_seed() -> None:

@@ -133,9 +133,8 @@ class TestCounting:
             assert seen.shape == (most, 3)
             newest = np.asarray(begun.env) + 2.0
             np.testing.assert_allclose(seen[-6:, 0], newest[:most], rtol=1e-6)
-        assert float(metrics["episode/length_s"]) == pytest.approx(
-            2.5 * 0.05
-        )  # mean of episodes of two and three steps
+        # Mean of episodes of two and three steps.
+        assert float(metrics["episode/length_s"]) == pytest.approx(2.5 * 0.05)
         assert float(metrics["reward/total"]) == pytest.approx((25.0 + 2.0) / 0.05)
         assert float(metrics["steps"]) == pytest.approx(2.0)
         assert not {"done", "length"} & set(metrics)

@@ -208,10 +208,8 @@ class Geometry:
         ab, u, v = -(a @ b), -(a @ between), b @ between
         determinant = maximum(aa * bb - ab * ab, TINY)
         x, y = (bb * u - ab * v) / determinant, (aa * v - ab * u) / determinant
-        for end in (
-            1.0,
-            -1.0,
-        ):  # clamp to an end of the first axis, then find the nearest point on the second
+        # Clamp to an end of the first axis, then find the nearest point on the second.
+        for end in (1.0, -1.0):
             beyond = less(end, x) if end > 0 else less(x, end)
             y = where(beyond, (v - end * ab) / bb, y)
         x = x.clip(-1.0, 1.0)
