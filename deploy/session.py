@@ -18,7 +18,7 @@ from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import Clock, LockstepClock, WallClock
 from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction, source_of
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.deadline import deadlines, unarmed
+from footfall.deploy.deadline import Arm, deadlines, unarmed
 from footfall.deploy.drive import EachTick, drive, guarded, realtime_settings
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.fit import check_contract, check_get_up, check_joint_rate
@@ -121,13 +121,7 @@ def run_session(
     """
     if not 0.0 < session.duration_s <= MAX_DURATION_S:
         raise UserError(f"duration is {session.duration_s:g} s: it must be positive, and at most a day")
-    policies = (policy, *session.others.values())
-    get_up = None if session.get_up is None else session.get_up.policy
-    if get_up is not None:
-        check_get_up(get_up, robot)
-    all_policies = policies if get_up is None else (*policies, get_up)
-    for each in all_policies:
-        check_contract(each, robot)
+    policies, get_up = _checked_policies(robot, policy, session)
     wiring, config = wiring_of(robot), session.config
     driver = open_driver(wiring)
     check_joint_rate(wiring, driver, config.joint_rate_hz)
@@ -138,26 +132,7 @@ def run_session(
             stop_sources = (*stop_sources, *inputs)
         arm = resources.enter_context(deadlines()) if session.realtime else unarmed
         estimate = _estimate(robot, policies, config, base_state)
-        runner = PolicyRunner(
-            Handover(policies, config.handover, get_up),
-            Steering(
-                source_of(session.command_source),
-                policies,
-                stop_sources,
-                robot.description.commands,
-                "" if get_up is None else get_up.name,
-            ),
-            config.joint_rate_hz,
-            config.safety.late_limit_s,
-            session.realtime,
-            arm,
-            height_scans_of(all_policies, session.height_scans),
-            get_up,
-            note_sources=[estimate],
-        )
-        if session.realtime:
-            for other in all_policies[1:]:
-                warm_up(other, robot)
+        runner = _policy_runner(robot, policies, get_up, session, stop_sources, arm, estimate)
         log = _open_log(robot, policy, session, resources)
         if log is not None and session.log_frames:
             bus = LoggedBus(bus, log)
@@ -212,6 +187,58 @@ def run_session(
             recoveries=tuple(loop.recovery.recovered),
             notes=(*refused, *runner.notes, *filter(None, [missing_parts]), *at_the_end),
         )
+
+
+def _checked_policies(
+    robot: Robot, policy: Policy, session: Session
+) -> tuple[tuple[Policy, ...], Policy | None]:
+    """The policies that walk, the first one first, and the get-up policy, if any.
+
+    Raises:
+        UserError: a policy does not fit the robot.
+    """
+    policies = (policy, *session.others.values())
+    get_up = None if session.get_up is None else session.get_up.policy
+    if get_up is not None:
+        check_get_up(get_up, robot)
+    for each in (*policies, get_up):
+        if each is not None:
+            check_contract(each, robot)
+    return policies, get_up
+
+
+def _policy_runner(
+    robot: Robot,
+    policies: tuple[Policy, ...],
+    get_up: Policy | None,
+    session: Session,
+    stop_sources: Sequence[StopSource],
+    arm: Arm,
+    estimate: BaseEstimate,
+) -> PolicyRunner:
+    """The runner of a run's policies; in real time, policies used later have been warmed up."""
+    config, all_policies = session.config, policies if get_up is None else (*policies, get_up)
+    runner = PolicyRunner(
+        Handover(policies, config.handover, get_up),
+        Steering(
+            source_of(session.command_source),
+            policies,
+            stop_sources,
+            robot.description.commands,
+            "" if get_up is None else get_up.name,
+        ),
+        config.joint_rate_hz,
+        config.safety.late_limit_s,
+        session.realtime,
+        arm,
+        height_scans_of(all_policies, session.height_scans),
+        get_up,
+        note_sources=[estimate],
+    )
+    if session.realtime:
+        for other in all_policies[1:]:
+            warm_up(other, robot)
+    return runner
 
 
 def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitStack) -> "McapLog | None":
