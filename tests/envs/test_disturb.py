@@ -186,17 +186,19 @@ def test_gravity_follows_its_curriculum_and_keeps_the_slope(begun: State) -> Non
 
 class TestDrop:
     def test_a_drop_begins_above_the_ground_in_any_attitude_inside_the_limits(self, begun: State) -> None:
-        scene, heights, tilts = Scene(MODEL, ROBOT, SCENE.feet, 0.02), [], []
-        lower, upper = ROBOT.soft_limits
-        for u in np.random.default_rng(0).random((40, drop.numbers(Parts(12)))):
-            occasion = Occasion(scene, True, jnp.asarray(u, dtype=jnp.float32), 1.0)
-            state = drop.change(begun, occasion, lowest_m=0.1, highest_m=0.2)
-            pose = np.asarray(state.qpos)[7:]
-            assert np.all((lower - 1e-5 <= pose) & (pose <= upper + 1e-5))
-            np.testing.assert_array_equal(np.asarray(state.goals), np.tile(pose, (3, 1)))
-            points = np.asarray(scene.body.points(state.qpos))
-            heights.append((points[:, 2] - scene.body.radius).min())
-            tilts.append(Rotation.from_quat(np.asarray(state.qpos)[[4, 5, 6, 3]]).as_matrix()[2, 2])
+        scene = Scene(MODEL, ROBOT, SCENE.feet, 0.02)
+
+        def dropped(u: jax.Array) -> State:
+            return drop.change(begun, Occasion(scene, True, u, 1.0), lowest_m=0.1, highest_m=0.2)
+
+        drawn = np.random.default_rng(0).random((40, drop.numbers(Parts(12))))
+        state = jax.vmap(dropped)(jnp.asarray(drawn, jnp.float32))
+        pose, (lower, upper) = np.asarray(state.qpos)[:, 7:], ROBOT.soft_limits
+        assert np.all((lower - 1e-5 <= pose) & (pose <= upper + 1e-5))
+        np.testing.assert_array_equal(np.asarray(state.goals), np.tile(pose[:, None], (1, 3, 1)))
+        points = np.asarray(jax.vmap(scene.body.points)(state.qpos))
+        heights = (points[..., 2] - scene.body.radius).min(axis=1)
+        tilts = Rotation.from_quat(np.asarray(state.qpos)[:, [4, 5, 6, 3]]).as_matrix()[:, 2, 2]
         assert 0.1 - 1e-5 <= min(heights) < 0.13
         assert 0.17 < max(heights) <= 0.2 + 1e-5
         assert min(tilts) < -0.7

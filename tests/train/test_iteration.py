@@ -27,32 +27,22 @@ from footfall.train.brax.state import TrainState
 pytestmark = pytest.mark.usefixtures("number_steps")
 
 
-class TestIteration:
-    def after(self, env: NumberEnvironment) -> tuple[TrainState, dict[str, Any], Any]:
-        return make_iteration(env, NETWORKS, CONFIG)(begun(env))
+def test_an_iteration_follows_observations_episodes_and_steps() -> None:
+    env = environment(shown=5.0, fallen=2, out_of_time=1)
+    begun_late = begun(env)._replace(iteration=jnp.int32(3))
+    state, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(begun_late)
+    np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
+    assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
+    assert float(metrics["episode/length_s"]) == pytest.approx(10 * 0.02)  # of ended episodes
+    assert float(metrics["reward/total"]) == pytest.approx(REWARD / 0.02)  # per second
+    assert float(metrics["level"]) == 3 * ENVIRONMENTS * UNROLL
 
-    def test_the_normaliser_follows_the_observations(self) -> None:
-        state, _, _ = self.after(environment(shown=5.0))
-        np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
-        assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
 
-    def test_the_normaliser_moves_after_learning(self) -> None:
-        """Otherwise the actor would seem to have changed."""
-        env = environment(shown=5.0)
-        iterate = make_iteration(env, NETWORKS, CONFIG)
-        _, metrics, _ = iterate(decided(begun(env)))
-        assert float(metrics["learning/kl_mean"]) == pytest.approx(0.0, abs=NOT_MOVED)
-
-    def test_lengths_are_of_ended_episodes_and_rewards_are_per_second(self) -> None:
-        _, metrics, _ = self.after(environment(fallen=2, out_of_time=1))
-        assert float(metrics["episode/length_s"]) == pytest.approx(10 * 0.02)
-        assert float(metrics["reward/total"]) == pytest.approx(REWARD / 0.02)
-
-    def test_the_level_follows_the_number_of_steps(self) -> None:
-        env = environment()
-        state = begun(env)._replace(iteration=jnp.int32(3))
-        _, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(state)
-        assert float(metrics["level"]) == 3 * ENVIRONMENTS * UNROLL
+def test_the_normaliser_moves_after_learning() -> None:
+    """Otherwise the actor would seem to have changed."""
+    env = environment(shown=5.0)
+    _, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(decided(begun(env)))
+    assert float(metrics["learning/kl_mean"]) == pytest.approx(0.0, abs=NOT_MOVED)
 
 
 class Reaching(NumberEnvironment):
