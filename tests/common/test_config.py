@@ -9,7 +9,6 @@ import yaml
 
 from footfall.common import config
 from footfall.common.config import (
-    dump,
     load,
     merged,
     read_yaml,
@@ -18,7 +17,6 @@ from footfall.common.config import (
     require_ordered,
     require_positive,
     structure,
-    unstructure,
     with_changes,
 )
 from footfall.common.errors import UserError
@@ -159,16 +157,6 @@ def test_a_mappings_own_keys_override_its_merged_keys(tmp_path: Path) -> None:
         "b": {"x": 1, "y": 3},
         "c": {"x": 1, "y": 2},
     }
-
-
-def test_a_file_loads_as_it_was_dumped(tmp_path: Path) -> None:
-    cart = Cart("yes", Wheel(2.5, 3, ("b", "a"), True))
-    path = tmp_path / "a.yaml"
-    path.write_text(dump(cart))
-    assert load(path, Cart) == cart
-    assert dump(cart).splitlines()[0] == "name: 'yes'"  # in the order of the fields
-    first = unstructure(cart)["first"]
-    assert (first["radius_m"], list(first["tags"]), first["driven"]) == (2.5, ["b", "a"], True)
 
 
 def test_an_empty_file_changes_nothing(tmp_path: Path) -> None:

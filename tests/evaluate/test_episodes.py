@@ -9,7 +9,6 @@ import pytest
 from footfall.domain_rand.noise import Noise
 from footfall.evaluate.episodes import EpisodeOutcome, EpisodeTask, run_task
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan
-from footfall.plant.episode import Push
 from footfall.terrain.declaration import GroundConfig
 
 GRAVITY = 9.81
@@ -73,13 +72,3 @@ def test_a_robot_walks_down_the_stairs_of_its_episode() -> None:
     lowest = outcome.trace.foot_position[..., 2].min(axis=1)
     assert lowest[0] - lowest[-1] > 0.025
     assert 0.4 < outcome.metrics.progress < 1.1
-
-
-def test_a_push_changes_the_velocity_at_once() -> None:
-    outcome = run("stand", pushes=(Push(0.2, (0.0, 1.0, 0.0)),))
-    assert outcome.trouble == ""
-    trace = outcome.trace
-    assert trace is not None
-    leftward = np.interp([0.19, 0.22], trace.time_s, trace.base_velocity[:, 1])
-    assert abs(leftward[0]) < 0.05
-    assert leftward[1] > 0.5

@@ -33,10 +33,6 @@ class TestBootstrap:
             (by_scipy.low, by_scipy.high), abs=0.1 * (by_scipy.high - by_scipy.low)
         )
 
-    def test_the_interval_of_equal_values_is_that_value(self) -> None:
-        weights = np.random.default_rng(8).uniform(1.0, 20.0, 12)
-        assert bootstrap_mean_interval(np.full(12, 0.3), weights) == pytest.approx((0.3, 0.3), abs=1e-12)
-
     def test_long_episodes_weigh_more_and_unmeasured_episodes_nothing(self) -> None:
         assert weighted_mean([1.0, 3.0, np.nan], [3.0, 1.0, 5.0]) == 1.5
         assert math.isnan(weighted_mean([np.nan], [1.0]))

@@ -131,11 +131,6 @@ def test_a_base_that_moves_is_refused(recording: Recording) -> None:
         fit_leg(LEG, [replace(recording, turn_rad_s=0.2)])
 
 
-def test_commands_are_those_that_motors_decode(recording: Recording) -> None:
-    """CubeMars' frames have no code for a torque of zero."""
-    assert (np.abs(recording.command[:200, 4]) > 0.001).all()
-
-
 def test_each_leg_has_its_own_motors() -> None:
     robot = replace(ROBOT, motor=ROBOT.motor._replace(friction=np.arange(float(N))))
     for leg in fixed_legs(robot):

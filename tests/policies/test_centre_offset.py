@@ -28,15 +28,6 @@ def at_rest(pressed_at: np.ndarray) -> tuple[Dynamics, np.ndarray]:
     return dynamics, dynamics.bias[6:] - to_joints @ wrenches
 
 
-def test_the_centre_of_mass_is_above_the_centre_of_pressure() -> None:
-    point = standing(BODY, G1).centre[:2] + np.array([0.02, -0.01])
-    dynamics, torque = at_rest(point)
-    found = CentreOffset(BODY.weight_n, 3.9, 500.0)
-    for _ in range(3):
-        found.observe(dynamics, torque)
-    np.testing.assert_allclose(found.value, (0.02, -0.01), atol=1e-6)
-
-
 def test_an_accelerating_body_is_not_at_rest_above_its_feet() -> None:
     """The feet push the body forward, so the pressure is behind the centre."""
     dynamics, torque = at_rest(standing(BODY, G1).centre[:2] - np.array([0.02, 0.0]))

@@ -10,7 +10,7 @@ import pytest
 from footfall.common.config import merged, structure, unstructure
 from footfall.common.errors import UserError
 from footfall.policies.controllers.stand import StandConfig
-from footfall.policies.registry import controllers_of, lasting_spec, load_policy, load_settings
+from footfall.policies.registry import controllers_of, lasting_spec, load_settings
 from footfall.policies.spec import add_settings
 from footfall.robots.description import Robot, available_robots, load_robot
 
@@ -45,13 +45,6 @@ class TestOverrides:
         settings = load_settings(f"stand@{folder / 's.yaml'}@kd=2.5", go1)
         assert isinstance(settings, StandConfig)
         assert settings == replace(load_settings("stand", go1), kp=62.0, kd=2.5)  # type: ignore[type-var]
-
-    def test_the_controller_runs_with_its_settings_and_has_them_in_its_name(
-        self, go1: Robot, mine: Path
-    ) -> None:
-        assert load_policy("stand@rate_hz=250", go1).rate_hz == 250.0
-        assert load_policy("stand", go1).name == "stand"
-        assert load_policy(f"mpc@{mine}@kp=41", go1).name == "mpc@mine.yaml@kp=41"
 
 
 def test_a_wrong_setting_is_refused_with_its_reason(go1: Robot, refusal: Refusal, tmp_path: Path) -> None:

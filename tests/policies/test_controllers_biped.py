@@ -15,7 +15,6 @@ from footfall.policies.controllers.balance import Balance
 from footfall.policies.controllers.solver import BoundedSolver, QuadraticProgram
 from footfall.policies.controllers.step import Step
 from footfall.policies.controllers.step.footwork import Phase
-from footfall.policies.controllers.whole_body.control import UNSOLVED
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
@@ -60,14 +59,6 @@ class Missing(BoundedSolver):
 
 
 class TestTicksWithoutSolution:
-    def test_a_run_survives_and_notes_a_few_unsolved_ticks(self) -> None:
-        policy = Balance(G1)
-        policy.control.solver = Missing(ticks=10)
-        trace = run_episode(G1, policy, Episode(command_source=STANDING, duration_s=0.6))
-        assert not trace.fell
-        assert not trace.faults
-        assert trace.notes == (UNSOLVED,)
-
     def test_a_run_without_a_solution_ends_damped_with_its_reason(self) -> None:
         policy = Balance(G1)
         policy.control.solver = Missing(ticks=1000)
@@ -107,14 +98,6 @@ class TestStep:
         shove = (0.8, np.array([0.5, 0.0, 0.0]))
         assert not walk(policy, plant, STANDING, 2.0, push=shove, frame=record).fell
         assert lifted[0] < 0.8 + 0.1
-
-    def test_an_undisturbed_biped_does_not_step(self) -> None:
-        policy, plant = Step(G1), DirectPlant(G1, seed=5)
-        assert not walk(policy, plant, STANDING, 1.5).fell
-        assert policy.footwork.steps == 0
-        stance = policy.stance()
-        assert stance is not None
-        assert stance.tolist() == [1.0, 1.0]
 
     def test_a_turn_across_a_heading_of_pi_gives_the_same_swing(self) -> None:
         """A turn across pi gives the same commands as a quarter of a circle earlier.

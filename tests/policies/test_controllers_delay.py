@@ -43,10 +43,6 @@ def test_velocity_changes_are_relative_to_the_acting_command() -> None:
     np.testing.assert_array_equal(delay.velocity_changes(), [5.0 * rows])  # a tick late: 9 is sent, 4 acts
 
 
-def test_commands_that_do_not_change_leave_the_delay() -> None:
-    assert measured(16, change_nm=0.0) == 1
-
-
 def test_walks_and_turns_though_commands_act_30_ms_late() -> None:
     schedule = CommandSchedule((0.0, 0.8), ((0.5, 0.2, 0.0), (0.8, 0.0, 0.6)))
     episode = Episode(schedule, duration_s=1.7, sample={"action_delay_s": np.array(0.03)})

@@ -133,20 +133,6 @@ class TestPlan:
                 np.testing.assert_array_equal(contacts[1:], later)
         assert len(planned) > 10
 
-    def test_a_plan_begins_from_the_applied_forces(self, policy: Mpc, planned: list[Planned]) -> None:
-        """The first plan begins with equal shares of the weight, later ones with the turned previous plan."""
-        for _ in range(2):
-            policy.reset(standing(2.0))
-            policy.act(standing(2.0, velocity=(0.0, 0.4, 0.0)))
-            even = [0.0, 0.0, nominal_body(ROBOT).mass * 9.81 / LEGS.count]
-            np.testing.assert_allclose(planned[-1].before, np.tile(even, (LEGS.count, 1)))
-        first = forces(policy.act(standing(2.0)))
-        while len(planned) < 3:
-            policy.act(standing(2.3))
-        turned = Rotation.from_euler("z", -0.3).apply(first)
-        np.testing.assert_allclose(planned[-1].before, turned, atol=1e-6)
-        assert first[:, 1].sum() < -5.0
-
 
 class TestLegs:
     """`LegControl` in the default pose, with two diagonal feet on the ground."""
@@ -178,12 +164,6 @@ class TestLegs:
             mujoco.mj_jac(model, data, jacobian, None, lowest, model.geom_bodyid[geom])
             dofs = model.jnt_dofadr[np.array(joints)[LEGS.joints[leg]]]
             np.testing.assert_allclose(torque[leg], -jacobian[:, dofs].T @ self.FORCE[leg], atol=1e-9)
-
-    def test_joint_velocities_stay_within_the_no_load_speed(self) -> None:
-        speed = LEGS.gather(self.command(swing_velocity=(30.0, 10.0, 30.0)).velocity)[1]
-        most = LEGS.gather(ROBOT.motor.no_load_speed)[1]
-        assert np.all(np.abs(speed) <= most)
-        assert np.any(np.abs(speed) == most)
 
     def test_a_swinging_leg_is_given_the_torque_that_its_inertia_needs(self) -> None:
         """The torque is M times the joint acceleration that moves the foot as desired."""

@@ -1,7 +1,6 @@
 """The quadratic program of the MPC and its solvers, against brute force."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -144,17 +143,3 @@ class TestSolver:
         solution = BoundedSolver().solve(problem)
         assert solution is not None
         np.testing.assert_array_equal(PROBLEMS.wrenches(solution, problem, 4).force, 0)
-
-    @pytest.mark.parametrize("daqp_iterations", [0, 100], ids=["fallback", "daqp"])
-    def test_bounds_hold_on_both_sides(self, daqp_iterations: int) -> None:
-        """The bounds are x0 from 1, x1 up to 5, x2 up to 4, x0 + x1 from 1.5, x2 - x1 up to 3."""
-        near = np.array([-1.0, -2.0, 9.0])
-        problem = SimpleNamespace(
-            hessian=np.eye(3),
-            gradient=-near,
-            rows=np.array([[1.0, 1.0, 0.0], [0.0, -1.0, 1.0]]),
-            lower=np.array([1.0, -5.0, -4.0, 1.5, -1e30]),
-            upper=np.array([1e30, 5.0, 4.0, 1e30, 3.0]),
-        )
-        found = BoundedSolver(daqp_iterations).solve(problem)  # type: ignore[arg-type]
-        np.testing.assert_allclose(found, [1.0, 1.0, 4.0], atol=1e-3)

@@ -82,11 +82,6 @@ def test_it_walks_as_commanded(policy: MpcWholeBody) -> None:
     np.testing.assert_allclose(result.mean_velocity(after_s=1.5), [0.4, -0.1, 0.5], atol=0.04)
 
 
-def test_references_advance_by_a_tick_of_the_plans_rate(policy: MpcWholeBody) -> None:
-    assert policy.rate_hz == 500.0
-    assert policy.control._dt_s == pytest.approx(0.002)
-
-
 def test_after_a_reset_the_episode_repeats_itself(policy: MpcWholeBody) -> None:
     policy.reset(moving())
     first = [policy.act(moving()).position.tolist() for _ in range(3)]

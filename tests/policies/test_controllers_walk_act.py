@@ -50,21 +50,6 @@ def walking(policy: Walk, command: tuple[float, float, float] = FORWARD, seconds
     return np.array([feet_of(policy.act(seen(start + k * dt_s, command)).position) for k in range(ticks)])
 
 
-def test_a_robot_moves_to_its_stance_before_it_follows_a_command() -> None:
-    """The joints move along a straight line; then the first steps begin."""
-    policy, bent = make(), ROBOT.default_pose + 0.002 * np.arange(12)
-    policy.reset(seen(joint=bent))
-    ticks = round(CONFIG.settle_s * CONFIG.rate_hz)
-    at = [policy.act(seen(k / CONFIG.rate_hz, FORWARD)).position for k in range(ticks)]
-    np.testing.assert_allclose(feet_of(at[-1]), FEET, atol=1e-3)
-    whole = (at[-1] - bent) * ticks / (ticks - 1)
-    np.testing.assert_allclose(at[ticks // 5], bent + whole / 5, atol=1e-9)
-    assert policy.stance().tolist() == [1.0] * 4  # type: ignore[union-attr]
-    for k in range(ticks, ticks + PERIOD // 2):
-        policy.act(seen(k / CONFIG.rate_hz, FORWARD))
-    assert policy.stance().tolist() != [1.0] * 4  # type: ignore[union-attr]
-
-
 @pytest.mark.parametrize("command", [(0.3, 0.0, 0.0), (0.0, 0.2, 0.0), (-0.1, 0.1, 0.6)])
 def test_the_point_under_each_standing_foot_moves_with_the_ground(
     command: tuple[float, float, float],
@@ -86,18 +71,6 @@ def test_the_point_under_each_standing_foot_moves_with_the_ground(
         velocity = (contact @ LEGS.gather(result.velocity)[:, :, None])[middle, :2, 0]
         expected = np.stack([-(vx - yaw * y), -(vy + yaw * x)], axis=1)[middle]
         np.testing.assert_allclose(velocity, expected, atol=6e-3)
-
-
-def test_the_body_reaches_another_height_at_its_own_rate() -> None:
-    """The height changes by 2 cm at 0.1 m/s."""
-    policy = make()
-    before = walking(policy, (0.0, 0.0, 0.0), seconds=0.1)[-1]
-    policy.change(step=replace(CONFIG.step, body_height_m=CONFIG.step.body_height_m + 0.02))
-    start, ticks = CONFIG.settle_s + 0.1, round(0.3 * CONFIG.rate_hz)
-    risen = [before - feet_of(policy.act(seen(start + k / CONFIG.rate_hz)).position) for k in range(ticks)]
-    assert CONFIG.levelling.body_rate_m_s == 0.1
-    expected = np.minimum(0.1 * (np.arange(ticks) + 1) / CONFIG.rate_hz, 0.02)
-    np.testing.assert_allclose(np.array(risen)[:, :, 2], np.tile(expected, (4, 1)).T, atol=1e-6)
 
 
 def test_a_stopped_walk_returns_its_feet_to_their_positions() -> None:

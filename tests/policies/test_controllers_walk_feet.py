@@ -1,21 +1,17 @@
 """Feet and limits of the gait generator at single times, calculated by hand."""
 
-from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from footfall.policies.controllers.gait import GaitTiming
-from footfall.policies.controllers.settings import controller_settings
-from footfall.policies.controllers.walk.config import LimitsConfig, WalkConfig
+from footfall.policies.controllers.walk.config import LimitsConfig
 from footfall.policies.controllers.walk.feet import FootCycle, stances, steady_cycle
 from footfall.policies.controllers.walk.foot import Foot, Footing, blend, lift
-from footfall.policies.controllers.walk.ground import TouchDown
 from footfall.policies.controllers.walk.limits import SteadyWalk, WalkLimits
 from footfall.policies.controllers.walk.sway import SwayPlan
 from footfall.robots.description import load_robot
-from footfall.robots.rigid_body import nominal_body
 
 TIMING = GaitTiming(period_s=2.0, duty=0.6)  # stands for 1.2 s, swings for 0.8 s
 FEET = np.array([[0.3, 0.2, 0.0], [-0.2, -0.1, 0.0]])
@@ -31,18 +27,6 @@ def test_a_blend_is_at_rest_at_both_ends_and_a_lift_as_well() -> None:
     np.testing.assert_allclose(blend(np.array([0.0, 0.2, 0.5, 0.8, 1.0])), [0, 0.05792, 0.5, 0.94208, 1])
     lifted = [lift(s) for s in (0.0, 0.25, 0.5, 0.75, 1.0)]
     np.testing.assert_allclose(lifted, [0, 0.5, 1, 0.5, 0], atol=1e-15)
-
-
-def test_a_steady_swing_goes_from_half_a_stance_behind_to_half_a_stance_ahead() -> None:
-    """The ground moves meanwhile, so relative to the body the foot first continues backwards."""
-    feet = steady_cycle(FOOTING, TIMING, VELOCITY, 0.04, np.array([0.0, 0.2, 0.5, 1.0]))
-    half = 0.6 * PASSING
-    up = np.array([0.0, 0.0, 0.04])
-    np.testing.assert_allclose(feet[0], FEET - half, atol=1e-12)
-    np.testing.assert_allclose(feet[2], FEET + up, atol=1e-12)
-    np.testing.assert_allclose(feet[3], FEET + half, atol=1e-12)
-    fifth = FEET - half + (0.05792 * 2.0 - 0.2 * 0.8) * PASSING + 0.5 * (1 - np.cos(0.4 * np.pi)) * up
-    np.testing.assert_allclose(feet[1], fifth, atol=1e-12)
 
 
 def test_a_steady_stance_moves_backward_with_the_ground() -> None:
@@ -180,45 +164,6 @@ class TestCycle:
         for _ in range(4):
             cycle.advance(REST, 0.5, 0.04, BOTH)
         assert cycle.clock == pytest.approx(0.25)
-
-
-class TestWalk:
-    """The controller that uses these parts, with distinct settings."""
-
-    @pytest.fixture
-    def walk(self) -> SimpleNamespace:
-        from footfall.policies.controllers.walk import Walk
-
-        robot = load_robot("hexapod")
-        config = controller_settings(robot, "tripod", WalkConfig)
-        return SimpleNamespace(policy=Walk(robot, "tripod", config), config=config, robot=robot)
-
-    def test_trust_in_planned_contacts_changes_over_a_tenth_of_the_stance_at_each_edge(
-        self, walk: SimpleNamespace
-    ) -> None:
-        policy = walk.policy
-        assert policy.stance().tolist() == [1.0] * 6  # it does not step yet
-        policy.stepping.active, cycle = True, policy.stepping.cycle
-        cycle.begin(GaitTiming(1.0, 0.5), np.array([0.0, 0.025, 0.25, 0.475, 0.7, 0.8]))
-        lift_feet(cycle, 5)
-        np.testing.assert_allclose(policy.stance(), [0.0, 0.5, 1.0, 0.5, 1.0, 0.0], atol=1e-9)
-
-    def test_a_foot_that_is_pushed_in_its_late_swing_touches_down(self, walk: SimpleNamespace) -> None:
-        """Three feet are in the air: one carries too little, one carries enough too early.
-
-        The other three feet stand.
-        """
-        config = walk.config.touch_down
-        cycle, (least, enough) = walk.policy.stepping.cycle, config.force_share
-        lift_feet(cycle, 0, 1, 2)
-        for foot, progress in zip(cycle.each_foot, [0.999, 0.999, config.from_progress / 2], strict=False):
-            foot.progress = progress
-        pushed = np.array([1.1 * enough, 0.9 * enough, 1.1 * enough, 0.9 * least, 1.1 * least, enough])
-        touch_down = TouchDown(walk.robot, nominal_body(walk.robot), config)
-        touch_down.apply(cycle, pushed, cycle.feet, (0.0, 0.0, 1.0), 0.01)
-        assert cycle.swings.tolist() == [False, True, True, False, False, False]
-        lowered = min(config.probe_m_s * 0.01, config.probe_m)
-        np.testing.assert_allclose(cycle.feet[3:, 2], [-lowered, 0.0, 0.0])
 
 
 class TestLimits:

@@ -55,11 +55,6 @@ FALL = np.tile([[0.0], [0.0], [-5.0]], (6, 1, 1))  # m/s^2, of each foot
 LOWERING = LEGS.scatter(LEGS.joint_rates(JACOBIAN, FALL)[:, :, 0], NOTHING)  # rad/s^2
 
 
-def test_the_contact_share_of_a_foot_is_its_share_of_the_weight() -> None:
-    shares = contact_shares(feet(LF=EVEN_N, RR=2 * EVEN_N))
-    np.testing.assert_allclose(shares, [1.0, 0.0, 0.0, 0.0, 0.0, 2.0], atol=0.01)
-
-
 def test_gearbox_friction_is_not_mistaken_for_ground() -> None:
     """The gearboxes' friction at 2 rad/s is 0.13 N m: at least a fifth of a share at the foot."""
     np.testing.assert_allclose(contact_shares(feet(), rate=np.full(18, 2.0)), 0.0, atol=0.01)

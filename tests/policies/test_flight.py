@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -18,7 +17,6 @@ from footfall.policies.policy import Policy
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 from footfall.robots.mjcf import load_spec
-from footfall.robots.rigid_body import nominal_body
 
 ROBOT = load_robot("go1")
 
@@ -57,20 +55,3 @@ def test_a_sideways_pronk_stays_upright_by_compensating_the_legs_momentum() -> N
         return float(np.abs(np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))).max())
 
     assert largest_roll(True) < 0.8 * largest_roll(False)
-
-
-def test_the_momentum_of_legs_is_that_of_the_model() -> None:
-    """With the base at rest, the momentum equals MuJoCo's about the centre of mass."""
-    model = load_spec(ROBOT.xml_path).compile()
-    data = mujoco.MjData(model)
-    body, legs = nominal_body(ROBOT), ROBOT.legs
-    rates = np.random.default_rng(0).standard_normal(12)
-    joints = [model.joint(name) for name in ROBOT.joint_names]
-    data.qpos[3] = 1.0
-    for joint, angle, rate in zip(joints, ROBOT.default_pose, rates, strict=True):
-        data.qpos[joint.qposadr[0]], data.qvel[joint.dofadr[0]] = angle, rate
-    mujoco.mj_forward(model, data)
-    mujoco.mj_subtreeVel(model, data)
-    expected = data.subtree_angmom[model.body(ROBOT.description.base).id]
-    found = (body.leg_momentum @ legs.gather(rates)[:, :, None]).sum(axis=0)[:, 0]
-    np.testing.assert_allclose(found, expected, atol=1e-9)

@@ -20,7 +20,6 @@ from footfall.policies.controllers.slope import (
     plane_quaternion,
 )
 from footfall.policies.controllers.walk import Walk
-from footfall.policies.controllers.walk.config import WalkConfig
 from footfall.policies.policy import PolicyInput
 from footfall.robots.description import load_robot
 
@@ -108,29 +107,8 @@ class TestSeenFromTheGround:
         assert Slope(None).follow(inputs, LEGS.default_foot, ALL, DT_S) is inputs
 
 
-class TestWalk:
-    CONFIG = replace(controller_settings(ROBOT, "trot", WalkConfig), slope=CONFIG)
-
-    @pytest.mark.parametrize("heading", HEADINGS)
-    def test_feet_stand_around_the_point_vertically_below_the_body(self, heading: float) -> None:
-        policy = Walk(ROBOT, "trot", self.CONFIG)
-        inputs = settled(policy, heading)
-        feet = LEGS.pose(policy.act(inputs).position).foot
-        centre = parallel(heading).apply(feet.mean(axis=0))
-        np.testing.assert_allclose(centre[:2], 0.0, atol=0.012)  # as far as the feet's radius takes it
-
-
 class TestMpc:
     CONFIG = replace(controller_settings(ROBOT, "mpc", MpcConfig), slope=CONFIG)
-
-    @pytest.mark.parametrize("heading", HEADINGS)
-    def test_forces_carry_the_weight_and_nothing_else(self, heading: float) -> None:
-        policy = Mpc(ROBOT, self.CONFIG)
-        settled(policy, heading)
-        force = policy.slope.axes @ policy.force.sum(axis=0)
-        assert np.hypot(*force[:2]) < 0.1 * force[2]
-        along = np.hypot(*policy.force[:, :2].T)
-        assert along.sum() > 0.25 * policy.force[:, 2].sum()  # friction that level ground would not need
 
     def test_footholds_are_reported_in_the_level_heading_frame(self) -> None:
         """Up the slope the foothold ahead is higher than that behind by the gradient."""

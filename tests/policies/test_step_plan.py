@@ -40,16 +40,6 @@ def pendulum(capture: np.ndarray, last: np.ndarray, duration_s: float, begin_s: 
     return solve_ivp(rate, (begin_s, begin_s + duration_s), capture, **kwargs).y[:, -1]
 
 
-@pytest.mark.parametrize("velocity", [(0.3, 0.0), (-0.2, 0.1), (0.0, -0.15)])
-def test_the_gait_repeats_itself_in_the_pendulum(velocity: tuple[float, float]) -> None:
-    left, right = (nominal_step(np.array(velocity), side, 0.22, STEP_S, BOTH_S, RATE) for side in (1.0, -1.0))
-    # The right foot has landed, and the left one will; then the right one again.
-    end = pendulum(right.offset, right.foothold, STEP_S)
-    np.testing.assert_allclose(end, left.foothold + left.offset, atol=1e-6)
-    end = pendulum(left.offset, left.foothold, STEP_S)
-    np.testing.assert_allclose(end, right.foothold + right.offset, atol=1e-6)
-
-
 def test_the_capture_point_under_a_moving_pressure() -> None:
     begin, last = np.array([0.05, -0.08]), np.array([0.2, 0.18])
     for time_s in (0.04, 0.15):

@@ -149,36 +149,6 @@ class TestDynamics:
         desired = dynamics.point_jacobian @ acceleration + dynamics.point_drift
         np.testing.assert_allclose((after - 2 * now + before) / h**2, desired, atol=2e-4)
 
-    def test_the_centre_of_mass_moves_as_its_parts(self) -> None:
-        motion = some_motion(G1, 7)
-        dynamics = BODIES["g1"].update(motion)
-        model, data, _ = moved(G1, motion)
-        mujoco.mj_forward(model, data)
-        mujoco.mj_subtreeVel(model, data)
-        np.testing.assert_allclose(dynamics.centre, data.subtree_com[1], atol=1e-12)
-        np.testing.assert_allclose(dynamics.centre_velocity, data.subtree_linvel[1], atol=1e-12)
-        np.testing.assert_allclose(dynamics.angular_momentum, data.subtree_angmom[1], atol=1e-12)
-
-    @pytest.mark.parametrize("name", ROBOTS)
-    def test_a_level_robot_touches_the_ground_below_its_feet(self, name: str) -> None:
-        """The ground is a radius below spheres, and at the points of soles.
-
-        Feet are the middles of their points.
-        """
-        robot, body = ROBOTS[name], WholeBody(ROBOTS[name])
-        still = np.zeros(len(robot.joint_names))
-        level = Motion(np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), robot.default_pose, still)
-        model, data, _ = moved(robot, level)
-        mujoco.mj_forward(model, data)
-        dynamics = body.update(level)
-        for foot, geoms in enumerate(foot_geoms(model, robot.description)):
-            points = data.geom_xpos[geoms] - model.geom_size[geoms, :1] * [0.0, 0.0, 1.0]
-            np.testing.assert_allclose(dynamics.point[body.foot_of_point == foot], points, atol=1e-12)
-            np.testing.assert_allclose(dynamics.foot[foot], points.mean(axis=0), atol=1e-12)
-            np.testing.assert_allclose(dynamics.foot_rotation[foot], np.eye(3), atol=1e-12)
-        np.testing.assert_allclose(dynamics.middle, dynamics.foot.mean(axis=0), atol=1e-12)
-        assert body.weight_n == pytest.approx(9.81 * model.body_mass.sum())
-
 
 def test_the_base_tilt_is_roll_and_pitch_and_the_yaw_relative_to_the_feet() -> None:
     for base, feet, tilt in (

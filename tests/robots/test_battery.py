@@ -6,18 +6,7 @@ import pytest
 import yaml
 
 from footfall.common.errors import UserError
-from footfall.robots.battery import CHEMISTRIES, Battery
 from footfall.robots.description import load_robot
-
-CHEMISTRY_NAMES = list(yaml.safe_load(CHEMISTRIES.read_text()))
-
-
-@pytest.mark.parametrize("chemistry", CHEMISTRY_NAMES)
-def test_charge_and_voltage_at_rest_are_one_curve(chemistry: str) -> None:
-    battery = Battery(6, 100.0, 0.05, chemistry)
-    for charge in (0.0, 0.03, 0.5, 0.77, 1.0):
-        assert battery.charge_at(battery.open_circuit_v(charge)) == pytest.approx(charge)
-    assert battery.open_circuit_v(0.0) == battery.empty_v < battery.nominal_v < battery.open_circuit_v(1.0)
 
 
 def test_a_battery_is_declared_in_robot_yaml_and_no_policy_depends_on_it(own_folder: Path) -> None:

@@ -43,46 +43,6 @@ def test_a_position_gives_the_angles_that_reach_it(
     np.testing.assert_allclose(form.angles(tip_at(chain, angles).tolist()), angles, atol=1e-9)
 
 
-@pytest.mark.parametrize("knee", [-0.55, -0.15, 0.15, 0.55])
-def test_the_knee_bends_as_in_the_default_pose_counted_from_links_in_a_line(knee: float) -> None:
-    """The links are in a line at -0.357 rad.
-
-    Their directions are (0.02, -0.2) and (-0.05, -0.19); the angle is atan(0.1) + atan(5/19).
-    """
-    for sign in (1.0, -1.0):  # hinges with the opposite sign
-        chain = limb(sign * knee)
-        chain = chain._replace(axis=chain.axis * [[1.0], [sign], [sign]])
-        chain = chain._replace(default=chain.default * [1.0, sign, 1.0])
-        form = closed_form(chain, tip_at(chain, chain.default))
-        assert form is not None
-        found = form.angles(tip_at(chain, chain.default).tolist())
-        np.testing.assert_allclose(found, chain.default, atol=1e-9)
-
-
-def test_a_limb_stretches_towards_a_position_out_of_reach_within_the_limits() -> None:
-    chain = limb(first=(1.0, 0.0, 0.0))
-    form = closed_form(chain, tip_at(chain, chain.default))
-    assert form is not None
-    first, second, third = form.angles([0.3, 0.3, -3.0])
-    hip = chain.anchor[0] + Rotation.from_rotvec([first, 0, 0]).apply(chain.anchor[1] - chain.anchor[0])
-    reached = tip_at(chain, np.array([first, second, third]))
-    aim, arm = np.array([0.3, 0.3, -3.0]) - hip, reached - hip
-    assert arm @ aim / np.linalg.norm(arm) / np.linalg.norm(aim) > 0.99
-    longest = np.hypot(0.02, 0.2) + np.hypot(0.05, 0.19)
-    assert np.linalg.norm(arm[[0, 2]]) == pytest.approx(longest, abs=1e-2)
-    # The knee cannot bend far enough: the foot is on the line to the position, too far
-    # out.
-    position = tip_at(chain, np.array([0.1, 0.4, -2.0]))
-    stiff = form._replace(middle=[0.0, 0.0, 0.0], half=[1.0, 1.5, 1.5]).angles(position.tolist())
-    assert stiff[2] == pytest.approx(-1.5)
-    turn = Rotation.from_rotvec([stiff[0], 0, 0])
-    hip = chain.anchor[0] + turn.apply(chain.anchor[1] - chain.anchor[0])
-    aim, arm = (turn.inv().apply(end - hip)[[0, 2]] for end in (position, tip_at(chain, np.array(stiff))))
-    assert arm @ aim == pytest.approx(np.linalg.norm(arm) * np.linalg.norm(aim), rel=1e-6)
-    folded = np.array(form.angles((chain.anchor[1] + [0.0, 0.055, 0.0]).tolist()))
-    assert np.all((chain.lower <= folded) & (folded <= chain.upper))
-
-
 def test_limbs_of_another_kind_have_no_closed_form() -> None:
     for change in (
         {"axis": np.array([SLANTING, [0, 1, 0], [0, 0.9999875, 0.005]])},  # 0.3 degrees askew

@@ -146,15 +146,6 @@ def test_gains_follow_from_reflected_inertia(go1: Robot) -> None:
     np.testing.assert_allclose(go1.kp * go1.action_scale, gains.torque_share * go1.motor.peak_torque)
 
 
-def test_the_current_limit_is_not_the_stall_torque(own_folder: Path, go1: Robot) -> None:
-    """An action requests a share of the peak torque, 0.3 * 23.7 N m, for any stall torque."""
-    edit(own_folder, "robot.yaml", "stall_torque_nm: 23.7", "stall_torque_nm: 40")
-    robot = load_robot(own_folder)
-    np.testing.assert_array_equal(robot.motor.peak_torque, np.tile([23.7, 23.7, 35.55], 4))
-    np.testing.assert_array_equal(robot.motor.stall_torque, np.tile([40.0, 40.0, 35.55], 4))
-    np.testing.assert_allclose(robot.action_scale * robot.kp, 0.3 * np.tile([23.7, 23.7, 35.55], 4))
-
-
 def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path, go1: Robot) -> None:
     """Only the knees' motors have them; 20 Hz is a time constant of 8 ms. Each effect changes the digest."""
     effects = (

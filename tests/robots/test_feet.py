@@ -60,20 +60,6 @@ def test_a_geom_without_collisions_is_no_foot(go1: Robot) -> None:
     assert model.geom_contype[found] or model.geom_conaffinity[found]
 
 
-def test_a_geom_a_quarter_of_a_shank_away_is_no_foot(go1: Robot) -> None:
-    """The shank is 0.213 m long: 0.05 m are near enough, 0.06 m are not."""
-    for away_m, found in ((0.05, 1), (0.06, 0)):
-
-        def move(foot: mujoco.MjsGeom, away_m: float = away_m) -> None:
-            for other in list(foot.parent.geoms):
-                if other != foot:
-                    other.contype = other.conaffinity = 0
-            foot.pos[1] += away_m
-
-        _, feet = without_a_name(go1, move)
-        assert len(feet[REAR_RIGHT]) == found
-
-
 def test_one_box_may_serve_for_four_corners_and_counts_once(tmp_path: Path) -> None:
     robot = bodies(tmp_path)["six hinges and soles"]
     corners = robot.description.feet[0].geoms

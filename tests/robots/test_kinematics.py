@@ -2,14 +2,12 @@
 
 import mujoco
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from footfall.robots.description import load_robot
 from footfall.robots.kinematics import Legs
-from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses, plant_model
 
 ROBOT = load_robot("go1")
@@ -51,31 +49,6 @@ def test_a_tip_out_of_reach_stretches_the_leg_towards_it() -> None:
 
 class TestLoad:
     """Torques that carry the limbs' weight, against the potential energy."""
-
-    @pytest.mark.parametrize("name", ["go1", "g1", "hexapod"])
-    @pytest.mark.parametrize("acceleration", [(0.0, 0.0, 9.81), (3.0, -2.0, 12.0)])
-    def test_holding_torque_is_a_slope(self, name: str, acceleration: tuple[float, float, float]) -> None:
-        """The energy is the mass times the centre of mass along the proper acceleration; the base rests."""
-        robot, proper_acceleration = load_robot(name), np.array(acceleration)
-        legs, model = robot.legs, load_spec(robot.xml_path).compile()
-        data = mujoco.MjData(model)
-        q, _ = joint_addresses(model, robot)
-        base = model.body(robot.description.base).id
-        pose = robot.default_pose + 0.1 * np.sin(np.arange(len(robot.joint_names)))
-
-        def energy(joints: np.ndarray) -> float:
-            data.qpos[:] = 0.0
-            data.qpos[3], data.qpos[q] = 1.0, joints
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            return float(model.body_subtreemass[base] * data.subtree_com[base] @ proper_acceleration)
-
-        step = 1e-5 * np.eye(len(pose))
-        slope = np.array([energy(pose + each) - energy(pose - each) for each in step]) / 2e-5
-        assert np.abs(slope).max() > 0.1
-        np.testing.assert_allclose(
-            legs.holding_torque(pose, proper_acceleration), legs.gather(slope), atol=1e-5
-        )
 
     def test_rotations_and_torques_are_of_the_given_pose_despite_caches(self) -> None:
         """The results hold after other computations, such as inverse kinematics through MuJoCo."""

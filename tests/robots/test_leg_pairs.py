@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
 JOINT_RAD = 0.1  # initial distance of episodes from the default pose
@@ -84,17 +83,3 @@ def test_pairs_stay_on_the_plant_if_legs_collide_only_through_pairs(own_folder: 
         text.replace('friction="0.8" density', 'friction="0.8" contype="0" conaffinity="0" density')
     )
     assert plant_model(load_robot(own_folder)).npair == 2
-
-
-@pytest.mark.parametrize("name", ["go1", "hexapod"])
-def test_a_capsule_ends_within_its_foot(name: str) -> None:
-    """The foot touches the ground first, at any angle of the leg."""
-    model = load_spec(load_robot(name).xml_path).compile()
-    for geom in {int(g) for pair in (model.pair_geom1, model.pair_geom2) for g in pair}:
-        foot = model.geom(model.geom(geom).name.replace("shank", "foot"))
-        axis = np.zeros(9)
-        mujoco.mju_quat2Mat(axis, model.geom_quat[geom])
-        half = model.geom_size[geom, 1] * axis.reshape(3, 3)[:, 2]
-        ends = [model.geom_pos[geom] + sign * half for sign in (1, -1)]
-        assert min(np.linalg.norm(end - foot.pos) for end in ends) < 1e-9
-        assert model.geom_size[geom, 0] < foot.size[0]

@@ -59,21 +59,6 @@ class TestAnyLimb:
         assert np.all(np.isfinite(angles))
         assert np.all((angles >= robot.lower_rad - 1e-9) & (angles <= robot.upper_rad + 1e-9))
 
-    def test_jacobians_are_derivatives_or_zero(self, robots: dict[str, Robot], kind: str) -> None:
-        robot, step = robots[kind], 1e-6
-        legs = robot.legs
-        rng = np.random.default_rng(2)
-        joint = near_default(robot, rng.uniform(-1, 1, len(robot.joint_names)))
-        _, jacobian, axes = legs.pose(joint)
-        assert not jacobian.transpose(0, 2, 1)[~legs.present].any()
-        assert not axes.transpose(0, 2, 1)[~legs.present].any()
-        for leg, own in enumerate(robot.foot_joints):
-            for column, index in enumerate(own.tolist()):
-                nudge = np.zeros_like(joint)
-                nudge[index] = step
-                slope = (legs.pose(joint + nudge).foot - legs.pose(joint - nudge).foot) / (2 * step)
-                np.testing.assert_allclose(jacobian[leg, :, column], slope[leg], atol=1e-7)
-
 
 def test_a_limb_with_a_closed_form_is_solved_by_it(robots: dict[str, Robot]) -> None:
     assert robots[FIVE].legs.inverse.closed == [True, True, True, True, False]

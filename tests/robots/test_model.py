@@ -1,7 +1,6 @@
 """Models derived from the one MJCF, for training and for the plant."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -39,42 +38,6 @@ def test_standing_costs_sixteen_constraint_rows(go1: Robot, reduced: mujoco.MjMo
     assert data.ncon == 4
     assert data.nefc == 16  # four feet, four edges of a friction pyramid each
     assert constraint_rows(data, mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL) == 16
-
-
-def test_the_plant_stops_joints_at_their_limits(go1: Robot) -> None:
-    model = plant_model(go1)
-    data = standing(model, go1)
-    data.qpos[2] = 1.0
-    data.qpos[joint_addresses(model, go1)[0]] = go1.upper_rad + 0.01
-    mujoco.mj_forward(model, data)
-    assert constraint_rows(data, mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT) == 12
-
-
-def test_bodies_keep_the_inertia_of_omitted_geoms(own_folder: Path) -> None:
-    xml = own_folder / "robot.xml"
-    text = re.sub(r"<inertial [^>]*/>", "", xml.read_text())
-    xml.write_text(
-        text.replace('group="3" condim="3" friction="0.6" density="0"', 'group="3" density="2000"')
-    )
-    xml.write_text(xml.read_text().replace('material="dark"', 'material="dark" density="500"'))
-    robot = load_robot(own_folder)
-    trained, plant = training_model(robot), plant_model(robot)
-    assert np.abs(plant.body_ipos[1:]).max() > 0.01
-    for field in ("body_mass", "body_inertia", "body_ipos", "body_iquat"):
-        np.testing.assert_allclose(getattr(trained, field), getattr(plant, field), rtol=1e-12, atol=1e-15)
-
-
-def test_feet_touch_the_floor_but_not_each_other(go1: Robot, reduced: mujoco.MjModel) -> None:
-    data = standing(reduced, go1)
-    floor = reduced.geom("floor").id
-    assert all(floor in pair for pair in data.contact.geom)
-    data.qpos[2] = 1.0
-    data.qpos[joint_addresses(reduced, go1)[0]] = go1.default_pose * np.tile((4.5, 1.0, 1.0), 4)  # inwards
-    mujoco.mj_forward(reduced, data)
-    right, left = (data.geom(name).xpos for name in ("FR_foot", "FL_foot"))
-    assert np.linalg.norm(right - left) < 2 * 0.023  # they overlap
-    feet = {reduced.geom(name).id for foot in go1.description.feet for name in foot.geoms}
-    assert not feet & set(data.contact.geom.ravel().tolist())
 
 
 @pytest.mark.parametrize("name", available_robots())
@@ -179,16 +142,6 @@ def test_a_training_model_drops_actuators_sensors_and_options(laden: Robot) -> N
     assert not model.jnt_limited.any()
 
 
-@pytest.mark.parametrize("make", [plant_model, training_model])
-def test_only_motors_joints_lose_their_damping_to_the_joint_law(laden: Robot, make) -> None:
-    model = make(laden)
-    assert laden.motor.damping.tolist() == [0.4, 0.0, 0.0] * 4
-    assert not model.dof_frictionloss.any()
-    tail = model.joint("tail").dofadr[0]
-    assert np.flatnonzero(model.dof_damping).tolist() == [tail]
-    assert model.dof_damping[tail] == 0.03
-
-
 def test_a_plant_keeps_options_but_step_and_integrator(laden: Robot, own_folder: Path) -> None:
     options = plant_model(laden).opt
     assert options.timestep == 0.001
@@ -208,32 +161,6 @@ def changed_plant(robot: Robot, path: Path, *changes: tuple[str, str]) -> Path:
         text = text.replace(old, new)
     path.write_text(text)
     return path
-
-
-@pytest.mark.parametrize(
-    ("given", "friction", "damping"),
-    [
-        # a value missing for one joint is 0 in a file that has it for others
-        (('range="-2.818 -0.888" armature="0.00906"', "0.7", ""), [0.0, 0.0, 0.7], None),
-        (('range="-0.863 0.863" armature="0.00403"', "", "0.4"), None, [0.4, 0.0, 0.0]),
-        (('range="-0.863 0.863" armature="0.00403"', "0.5", "0.4"), [0.5, 0.0, 0.0], [0.4, 0.0, 0.0]),
-        (None, None, None),
-    ],
-)
-def test_a_plants_losses_or_else_the_robots(go1: Robot, tmp_path: Path, given, friction, damping) -> None:
-    nominal = go1.motor._replace(damping=np.linspace(0.01, 0.12, 12))
-    robot = replace(go1, motor=nominal)
-    changes = [(' frictionloss="0.3"', ""), (' frictionloss="1.0"', "")]
-    if given:
-        at, loss, viscous = given
-        losses = (f' frictionloss="{loss}"' if loss else "") + (f' damping="{viscous}"' if viscous else "")
-        changes.append((at, at + losses))
-    motor = read_plant(robot, changed_plant(robot, tmp_path / "plant.xml", *changes)).motor
-    expected = nominal.friction if friction is None else np.tile(friction, 4)
-    np.testing.assert_array_equal(motor.friction, expected)
-    expected = nominal.damping if damping is None else np.tile(damping, 4)
-    np.testing.assert_array_equal(motor.damping, expected)
-    np.testing.assert_array_equal(motor.peak_torque, nominal.peak_torque)
 
 
 def test_a_plant_that_gives_some_reflected_inertia_keeps_its_own(go1: Robot, tmp_path: Path) -> None:

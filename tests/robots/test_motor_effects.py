@@ -99,17 +99,6 @@ def test_backlash_and_compliance_are_in_equilibrium_with_the_control_loop() -> N
         assert at(-error, 0.0, one(0, 0, kp, 0, feed), motor) == pytest.approx(gear, abs=1e-9)
 
 
-def test_within_the_backlash_the_joint_is_free() -> None:
-    """Stiffness and damping act only beyond the backlash.
-
-    Damping without stiffness acts everywhere.
-    """
-    motor = ONE_MOTOR._replace(backlash=np.array([0.02]))
-    assert at(0.009, 3.0, one(0, 0, 50, 2, 0), motor) == 0.0
-    assert at(0.011, 3.0, one(0, 0, 50, 2, 0), motor) == pytest.approx(-0.05 - 6.0)
-    assert at(0.009, 3.0, one(0, 0, 0, 2, 0), motor) == pytest.approx(-6.0)
-
-
 SERVO = """<mujoco><worldbody>
   <body><joint name="j" axis="0 1 0"/><geom size="0.1" mass="1"/></body>
 </worldbody></mujoco>"""

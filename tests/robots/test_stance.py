@@ -100,24 +100,6 @@ def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(altered: Robot) -> N
         np.testing.assert_allclose(body.inertia[axis], data.subtree_angmom[trunk], atol=1e-12)
 
 
-def test_a_legs_inertia_is_that_at_its_joints(altered: Robot) -> None:
-    """If the base is held, torques M a on one leg accelerate its joints by a, without gravity and motion."""
-    model = load_spec(altered.xml_path).compile()
-    model.opt.gravity[:] = 0.0
-    model.dof_frictionloss[:] = 0.0
-    data = in_default_pose(model, altered.description)
-    base = slice(1, 7)
-    mujoco.mj_forward(model, data)
-    dofs = joint_addresses(model, altered)[1][np.array(altered.foot_joints)]
-    expected = np.array([3.0, -5.0, 8.0])
-    for leg, inertia in enumerate(nominal_body(altered).leg_inertia):
-        data.qacc[:] = 0.0
-        data.qacc[dofs[leg]] = expected
-        mujoco.mj_inverse(model, data)
-        np.testing.assert_allclose(data.qfrc_inverse[dofs[leg]], inertia @ expected, atol=1e-9)
-        assert np.abs(data.qfrc_inverse[base]).max() > 0.1
-
-
 def test_a_box_around_the_base_holds_all_its_colliding_geoms(go1: Robot, own_folder: Path) -> None:
     """The trunk reaches 0.13, 0.09 and 0.05 m; a sphere at its front and a wedge below reach farther."""
     text = (own_folder / "robot.xml").read_text()

@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -93,17 +92,6 @@ def test_links_have_the_motion_and_masses_of_the_bodies(robot: Robot) -> None:
             np.testing.assert_allclose(in_urdf.body(f"{foot.name}_sole").xpos, middle, atol=1e-7)
         matrices = (mass_matrix(model, data, pose) for model, data in ((made, in_urdf), (own, in_mjcf)))
         np.testing.assert_allclose(*matrices, rtol=1e-6, atol=1e-7)
-
-
-def test_joints_have_their_limits(robot: Robot) -> None:
-    root = ElementTree.fromstring(urdf(robot))
-    limits = {joint.get("name"): joint.find("limit") for joint in root.iter("joint")}
-    found = [
-        [float(limits[name].get(key, "")) for key in ("lower", "upper", "effort", "velocity")]
-        for name in robot.joint_names
-    ]
-    expected = [robot.lower_rad, robot.upper_rad, robot.motor.peak_torque, robot.motor.no_load_speed]
-    np.testing.assert_allclose(np.transpose(found), expected, rtol=1e-7)
 
 
 def test_solid_shapes_reach_as_low_as_those_of_the_mjcf(robot: Robot) -> None:

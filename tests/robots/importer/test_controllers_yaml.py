@@ -1,6 +1,5 @@
 """Settings of controllers, scaled from a shipped robot to another size."""
 
-import math
 from typing import Any
 
 import pytest
@@ -11,7 +10,6 @@ from footfall.robots.description import ROBOTS
 from footfall.robots.importer.controllers_yaml import Size, controllers_yaml, scaled_controllers
 
 GO1 = Size(12.743448, 0.2944696, 0.2944696, 0.1998277, 2e-3, 2e-3)
-LARGER = Size(8 * GO1.mass_kg, *(2 * length for length in GO1[1:]))
 
 
 def at(section: Any, key: str) -> Any:
@@ -34,29 +32,6 @@ class TestScaled:
         ):
             assert at(scaled, key) == pytest.approx(at(shipped, key), rel=1e-3)
         assert scaled_controllers(GO1, 4, 300.0).sections["stand"]["kp"] == pytest.approx(300.0)
-
-    def test_a_robot_twice_as_large_gets_settings_by_their_units(self) -> None:
-        for key, factor in (
-            ("trot.kp", 16.0),
-            ("trot.kd", 16.0 * math.sqrt(2)),
-            ("trot.gait.period_s", math.sqrt(2)),
-            ("trot.stance.outward_m", 2.0),
-            ("trot.levelling.body_rate_m_s", math.sqrt(2)),
-            ("trot.heading.gain", math.sqrt(0.5)),
-            ("trot.rate_hz", 1.0),
-            ("mpc.command.acceleration_m_s2", 1.0),
-            ("mpc.contact.max_force_n", 8.0),
-            ("mpc.weights.position", 0.25),
-            ("mpc.weights.velocity", 0.5),
-            ("mpc.weights.force", 1 / 64),
-            ("mpc-wbc.swing.stiffness", 0.5),
-            ("mpc-wbc.whole_body.weights.force", 1.0),
-            ("mpc-wbc.whole_body.weights.attitude", 4.0),
-            ("mpc-wbc.whole_body.contact.damping_s", math.sqrt(0.5)),
-        ):
-            one, other = (at(scaled_controllers(size, 4, 0.0).sections, key) for size in (GO1, LARGER))
-            first, second = (each[0] if isinstance(each, list) else each for each in (one, other))
-            assert second / first == pytest.approx(factor, rel=2e-3)
 
     def test_a_bipeds_steps_have_the_width_of_its_stance_and_pressure_stays_within_its_soles(self) -> None:
         narrow = Size(33.3411, 0.7720737, 0.7720737, 0.5 * 0.237014, 0.5 * 0.17, 0.25 * 0.06)

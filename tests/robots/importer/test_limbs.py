@@ -22,10 +22,6 @@ class TestLimbs:
         for name in ("stoel", "tow_hook", "shank"):
             assert not FOOT_NAME.search(name), name
 
-    def test_without_names_feet_are_links_that_reach_seven_tenths_as_low(self, tmp_path: Path) -> None:
-        limbs = hanging("a", 0.1, 0.5), hanging("b", -0.1, 0.36), hanging("arm", 0.2, 0.34)
-        assert feet_of(read(tmp_path, on_base(*limbs))) == ["a", "b"]
-
     def test_a_limb_ends_where_no_joint_follows_also_behind_a_fixed_part(self, tmp_path: Path) -> None:
         def leg(name: str, y: float) -> str:
             shank = hanging(f"{name}_shank", 0.0, 0.3)

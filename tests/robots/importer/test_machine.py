@@ -64,11 +64,6 @@ class TestMachine:
         assert (foot.friction[0], foot.contype[0], foot.conaffinity[0]) == (1.3, 2, 5)
         assert (foot.priority[0], foot.condim[0]) == (1, 3)
 
-    def test_the_imu_is_at_its_site_relative_to_the_base(self, machine: Machine) -> None:
-        """The site is 0.05 m ahead, 0.1 m up, then 0.02 and 0.01 m along axes turned by 0.5 rad about y."""
-        along = 0.02 * np.cos(0.5) + 0.01 * np.sin(0.5), 0.01 * np.cos(0.5) - 0.02 * np.sin(0.5)
-        np.testing.assert_allclose(machine.imu, [0.05 + along[0], 0.01, 0.1 + along[1]], atol=1e-9)
-
     def test_joints_that_lead_to_no_foot_are_noted_as_rigid(self, source: Source) -> None:
         _, guesses = build_machine(source, "odd")
         assert [guess for guess in guesses if "rigid" in guess] == [

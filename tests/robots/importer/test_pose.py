@@ -9,7 +9,6 @@ import pytest
 from foreign_robots import UNUSUAL, on_base, read
 
 from footfall.robots.importer.build import build_machine
-from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.importer.pose import LegSearch, Pose, standing_pose
 
@@ -33,41 +32,12 @@ class TestPose:
     def pose(self, tmp_path: Path, text: str) -> Pose:
         return standing_pose(build_machine(read(tmp_path, text), "m")[0])
 
-    def placed(self, tmp_path: Path, text: str) -> tuple[Machine, mujoco.MjData]:
-        """The machine and its model in the standing pose."""
-        machine, _ = build_machine(read(tmp_path, text), "m")
-        model = mujoco.MjModel.from_xml_string(model_xml(machine))
-        data = mujoco.MjData(model)
-        for name, angle in standing_pose(machine).joints.items():
-            data.joint(name).qpos = angle
-        mujoco.mj_forward(model, data)
-        return machine, data
-
-    def test_four_legs_stand_at_three_quarters_of_their_reach(self, tmp_path: Path) -> None:
-        """Of a knee's range from -2 to -0.4 rad, 85 % are used, up to -0.52 rad.
-
-        The height is 0.4 cos(0.26) m plus the sphere's radius.
-        """
-        pose = self.pose(tmp_path, walker())
-        reach = 0.4 * np.cos(0.26) + 0.02
-        assert pose.reach_m == pytest.approx(reach, abs=5e-3)
-        assert pose.height_m == pytest.approx(0.75 * reach, abs=5e-3)
-        assert all(-1.88 <= pose.joints[f"{leg}_knee"] <= -0.52 for leg in ("fl", "fr", "rl", "rr"))
-
     def test_a_given_pose_that_folds_the_legs_is_not_taken(self, tmp_path: Path) -> None:
         machine, _ = build_machine(read(tmp_path, walker(knee="-3 -0.4")), "m")
         given = {each.name: 0.0 for each in machine.hinges}
         folded = standing_pose(machine, given | {name: -2.6 for name in given if "knee" in name})
         assert not folded.given
         assert folded == standing_pose(machine)
-
-    def test_feet_move_under_a_load_that_is_ahead_and_to_one_side(self, tmp_path: Path) -> None:
-        load = '<geom type="box" size="0.02 0.02 0.02" pos="0.25 0.12 0.1" mass="2"/>'
-        machine, data = self.placed(tmp_path, walker(more=load))
-        feet = np.mean([data.geom(leg.geoms[0]).xpos for leg in machine.legs], axis=0)
-        np.testing.assert_allclose(data.subtree_com[1][:2], feet[:2], atol=4e-3)
-        assert data.subtree_com[1][0] - data.xpos[1][0] > 0.05
-        assert data.subtree_com[1][1] - data.xpos[1][1] > 0.02
 
     def test_joints_outside_legs_are_as_near_to_zero_as_possible(self, tmp_path: Path) -> None:
         """Both legs of the biped hang on a waist."""
