@@ -112,7 +112,7 @@ def test_wall_clock_runs_are_undisturbed(go1: Robot, monkeypatch: pytest.MonkeyP
 def test_a_wrong_rate_or_contract_is_refused_before_anything_is_sent(go1: Robot, contract: Contract) -> None:
     body, policy = FrameRobot(go1), Hold(go1)
     fast = Session(stand_still, 1.0, False, config=DeployConfig(joint_rate_hz=1600.0))
-    with pytest.raises(UserError, match="joint_rate_hz is 1600"):
+    with pytest.raises(UserError, match=r"joint_rate_hz .*1600"):
         session.run_session(go1, policy, body, fast)  # type: ignore[arg-type]
     policy.contract = replace(contract, robot="go2")
     with pytest.raises(UserError, match=r"'hold'.*'go1'.*go2"):

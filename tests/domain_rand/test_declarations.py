@@ -106,7 +106,7 @@ class TestQuantity:
     def test_a_quantitys_range_is_a_setting_that_is_checked(self) -> None:
         data = {"motor_speed": {"low": 0.5, "high": 0.9}}
         assert structure(data, WithSpeed, "x.yaml").motor_speed == Distribution(0.5, 0.9)
-        with pytest.raises(UserError, match="above high"):
+        with pytest.raises(UserError, match="motor_speed"):
             structure({"motor_speed": {"low": 0.5, "high": 0.1}}, WithSpeed, "x.yaml")
 
     def test_a_quantity_acts_in_training_and_on_the_plant_and_the_critic_sees_it(self) -> None:
