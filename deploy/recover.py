@@ -19,14 +19,14 @@ class Recovered(NamedTuple):
     damaged: int  # number of parts and messages that could not be read and are skipped
 
 
-def recover(torn: Path, whole: Path) -> Recovered:
+def recover(damaged_log: Path, out: Path) -> Recovered:
     """Copy the readable part of a log into a complete file.
 
     Raises:
         UserError: the log cannot be read, or the copy cannot be written.
     """
     damage = Damage()
-    return _copy(_read(torn, whole, damage), whole, damage)
+    return _copy(_read(damaged_log, out, damage), out, damage)
 
 
 def cut(path: Path, out: Path, from_s: float, to_s: float) -> Recovered:
@@ -43,33 +43,33 @@ def cut(path: Path, out: Path, from_s: float, to_s: float) -> Recovered:
     from mcap.records import Message
 
     damage = Damage()
-    found = _read(path, out, damage)
-    times = [record.log_time for record in found if isinstance(record, Message)]
+    log_records = _read(path, out, damage)
+    times = [record.log_time for record in log_records if isinstance(record, Message)]
     if not times:
         raise UserError(f"{path} has no messages")
     first, last = min(times), max(times)
     start_ns, end_ns = first + round(from_s * 1e9), first + round(min(to_s, 1e9) * 1e9)
-    if not any(start_ns <= each <= end_ns for each in times):
+    if not any(start_ns <= time <= end_ns for time in times):
         raise UserError(
             f"{path} is {(last - first) * 1e-9:.3f} s long: it has nothing from {from_s:g} to {to_s:g} s"
         )
-    return _copy(_within(found, start_ns, end_ns, end_ns >= last, (from_s, to_s)), out, damage)
+    return _copy(_within(log_records, start_ns, end_ns, end_ns >= last, (from_s, to_s)), out, damage)
 
 
 def _within(
-    found: list[Any], start_ns: int, end_ns: int, to_the_end: bool, span: tuple[float, float]
+    log_records: list[Any], start_ns: int, end_ns: int, to_the_end: bool, span: tuple[float, float]
 ) -> list[Any]:
     """Records of a time range, including those without a time."""
     from mcap.records import Channel, Message, Metadata
 
     latched = {
         record.id
-        for record in found
+        for record in log_records
         if isinstance(record, Channel) and "transient_local" in str(record.metadata)
     }
     held: dict[int, Message] = {}
     kept: list[Any] = []
-    for record in found:
+    for record in log_records:
         if isinstance(record, Metadata) and record.name == METADATA and ENDED in record.metadata:
             kept += [record] if to_the_end else []
         elif not isinstance(record, Message) or start_ns <= record.log_time <= end_ns:
@@ -87,20 +87,20 @@ def _read(path: Path, out: Path, damage: Damage) -> list[Any]:
     return list(records(path, damage))
 
 
-def _copy(found: Iterable[Any], whole: Path, damage: Damage) -> Recovered:
+def _copy(log_records: Iterable[Any], out: Path, damage: Damage) -> Recovered:
     from mcap.records import Channel, Header, Message, Metadata, Schema
     from mcap.writer import Writer
 
-    found = definitions_first(found)
+    log_records = definitions_first(log_records)
     count = 0
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
-    header = next((each for each in found if isinstance(each, Header)), Header("", ""))
+    header = next((record for record in log_records if isinstance(record, Header)), Header("", ""))
     try:
-        with whole.open("wb") as file:
+        with out.open("wb") as file:
             writer = Writer(file)
             writer.start(header.profile, header.library)
-            for record in found:
+            for record in log_records:
                 if isinstance(record, Metadata):
                     writer.add_metadata(record.name, record.metadata)
                 elif isinstance(record, Schema) and record.id not in schemas:
@@ -122,7 +122,7 @@ def _copy(found: Iterable[Any], whole: Path, damage: Damage) -> Recovered:
                     )
             writer.finish()
     except OSError as error:
-        raise UserError(f"cannot write {whole}: {error.strerror or error}") from None
+        raise UserError(f"cannot write {out}: {error.strerror or error}") from None
     return Recovered(count, damage.parts)
 
 

@@ -15,10 +15,8 @@ from footfall.robots.description import Robot
 MIN_TICKS = 100
 MIN_STEP = 1e-7  # between readings; a smaller difference is an error of floating-point numbers
 # A larger step than this plus this multiple of the no-load speed is a jump.
-JUMP_RAD, SPEED_FACTOR = (
-    0.1,
-    2.0,
-)
+JUMP_RAD = 0.1
+SPEED_FACTOR = 2.0
 
 
 @dataclass(frozen=True)

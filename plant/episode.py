@@ -111,7 +111,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         motor_timeout_s=config.motor_timeout_s,
         lying=episode.lying,
         charge=episode.charge,
-        let_go_after_s=config.held_up_s,
+        release_after_s=config.held_up_s,
     )
     body = SimulatedRobot(robot, wiring, wires, config_of_plant, episode.seed)
     facts = {

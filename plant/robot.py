@@ -71,7 +71,7 @@ class PlantConfig:
     charge: float = 1.0  # initial charge of the battery, if robot.yaml declares one
     held: bool = True  # does not move until its motors are commanded
     # Time after the first command at which a robot that cannot stand by itself is released (`held_start`).
-    let_go_after_s: float = HELD_UP_S
+    release_after_s: float = HELD_UP_S
 
 
 class SimulatedRobot:
@@ -140,7 +140,7 @@ class SimulatedRobot:
         frame = holder(
             robot, self.model, self.data, self._layout, plant.base, config.hanging, config.clamped, height_m
         )
-        held_steps = math.inf if config.hanging or config.clamped else round(config.let_go_after_s / step_s)
+        held_steps = math.inf if config.hanging or config.clamped else round(config.release_after_s / step_s)
         self._support = Support(frame, held_steps, config.held)
         if self._support.still:
             self._keep_still()

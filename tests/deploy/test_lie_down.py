@@ -114,14 +114,14 @@ class TestPostures:
         slow = replace(go1, description=replace(go1.description, target_rate_rad_s=0.1))
         postures = Postures(slow, CONFIG, lie_down=True)
         stretched = go1.default_pose + np.tile([0.0, 0.0, 0.3], 4)
-        way_s = 0.5 * np.pi * 1.2 / 0.1
+        duration_s = 0.5 * np.pi * 1.2 / 0.1
         postures.lie_down(stretched, before)
-        assert not postures.done(way_s + 0.29 * CONFIG.stand_s)
-        assert postures.done(way_s + 0.3 * CONFIG.stand_s)
+        assert not postures.done(duration_s + 0.29 * CONFIG.stand_s)
+        assert postures.done(duration_s + 0.3 * CONFIG.stand_s)
         postures.stand_up(go1.lying_pose, LEVEL)
-        way_s = 0.7 * CONFIG.stand_s + 0.5 * np.pi * 0.9 / 0.1
-        assert not postures.done(way_s + 0.29 * CONFIG.stand_s)
-        assert postures.done(way_s + 0.3 * CONFIG.stand_s)
+        duration_s = 0.7 * CONFIG.stand_s + 0.5 * np.pi * 0.9 / 0.1
+        assert not postures.done(duration_s + 0.29 * CONFIG.stand_s)
+        assert postures.done(duration_s + 0.3 * CONFIG.stand_s)
 
 
 class TestRun:

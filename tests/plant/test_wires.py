@@ -107,10 +107,10 @@ class TestArbitration:
         0x101 in 29 bits begins with 0x000, and so wins over 0x001.
         """
         wires = SimulatedWires(("a",))
-        begins_alike = EXTENDED | 0x101 << 18
-        wires.send(Side.ROBOT, named(begins_alike, 0x101, 0x001, EXTENDED | 0x101), 0)
+        same_prefix = EXTENDED | 0x101 << 18
+        wires.send(Side.ROBOT, named(same_prefix, 0x101, 0x001, EXTENDED | 0x101), 0)
         order = [identifier for identifier, _ in arrivals(wires, Side.HOST)]
-        assert order == [EXTENDED | 0x101, 0x001, 0x101, begins_alike]
+        assert order == [EXTENDED | 0x101, 0x001, 0x101, same_prefix]
 
     @pytest.mark.parametrize("seed", range(5))
     def test_random_traffic_equals_that_of_a_bus_that_arbitrates_bit_by_bit(self, seed: int) -> None:
@@ -177,9 +177,9 @@ class TestFaults:
         assert wires.transmit_errors.tolist() == [0, 20]  # 15, 14, 21, 20
         wires.repetitions(sent, from_host=False)  # a motor's errors are its own
         assert wires.transmit_errors.tolist() == [0, 20]
-        seldom = FaultyWires(WireFaults(destroyed=0.1, seed=1), 2)
-        seldom.repetitions(np.ones(400, np.intp), from_host=True)
-        assert seldom.fault(("a", "b")) == ""
+        rare = FaultyWires(WireFaults(destroyed=0.1, seed=1), 2)
+        rare.repetitions(np.ones(400, np.intp), from_host=True)
+        assert rare.fault(("a", "b")) == ""
 
     def test_too_many_errors_end_in_bus_off(self) -> None:
         wires = SimulatedWires(("a", "b"), host_queue=1000, faults=WireFaults(destroyed=0.8))

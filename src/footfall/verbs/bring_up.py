@@ -157,7 +157,7 @@ def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
                 lying=lies,
                 hanging=step.hangs,
                 ground=load_ground(uneven) if step.uneven else None,
-                let_go_after_s=setting.deploy.held_up_s,
+                release_after_s=setting.deploy.held_up_s,
             )
         if kind == SIMULATED:
             from footfall.plant.bus import SimulatedBus
