@@ -35,6 +35,7 @@ def seen() -> dict[str, float]:
 def test_equal_shares_on_all_devices_train_as_one_device_does(seen: dict[str, float]) -> None:
     assert seen["moved"] > 1e-3
     assert seen["same_share_on_both"] < 1e-6
+    assert seen["gradient_norms"] < 1e-5
 
 
 def test_statistics_of_each_device_reach_all_devices(seen: dict[str, float]) -> None:
