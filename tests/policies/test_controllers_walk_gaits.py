@@ -102,7 +102,7 @@ def test_strides_are_shortened_where_the_stability_margin_would_be_too_small() -
     config = controller_settings(ROBOT, "tripod", WalkConfig)
     careful = Walk(ROBOT, "tripod", replace(config, limits=replace(config.limits, margin_m=0.115)))
     targets = Trial(careful).walk((0.2, 0.0, 0.0), 3.0)
-    assert "strides are shortened: the stability margin would be 0.1" in careful.notes[0]
+    assert " m of 0.115 m" in careful.notes[0]
     usual = Trial(Walk(ROBOT, "tripod")).walk((0.2, 0.0, 0.0), 3.0)
     careful_coxae, usual_coxae = (np.ptp(each[-500:, 0::3], axis=0) for each in (targets, usual))
     assert np.all(careful_coxae < 0.9 * usual_coxae)
@@ -115,7 +115,7 @@ def test_a_swaying_walk_has_its_margin_at_any_period(go1: Robot, period_s: float
     gait, limits = replace(config.gait, period_s=period_s), replace(config.limits, margin_m=0.02)
     walk = Walk(go1, "walk", replace(config, gait=gait, limits=limits))
     Trial(walk, go1).walk((0.15, 0.0, 0.0), 1.0)
-    assert "the stability margin would be 0.006 m of 0.020 m" in walk.notes[0]
+    assert "0.006 m of 0.020 m" in walk.notes[0]
 
 
 def test_a_gait_for_other_feet_is_refused_and_a_new_episode_begins_with_the_settings() -> None:

@@ -196,5 +196,5 @@ def test_deploy_on_a_robot_imports_no_simulation() -> None:
     done = subprocess.run(
         [sys.executable, "-c", DEPLOY_ON_SOCKETCAN], cwd=ROOT, capture_output=True, text=True, check=True
     )
-    assert "cannot open bus 'can0' on socketcan" in done.stderr
+    assert "'can0'" in done.stderr
     assert done.stdout.splitlines()[-1] == "2 []"

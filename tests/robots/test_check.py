@@ -137,7 +137,7 @@ class TestCommand:
         """A reflected inertia of 0.3 kg m^2 at 5 Hz has kd = 2 * 0.3 * 2 pi * 5 = 18.8 N m s/rad."""
         changed("robot.xml", r'armature="[\d.]+"', 'armature="0.3"')
         folder = changed("robot.yaml", r"natural_frequency_hz: [\d.]+", "natural_frequency_hz: 5")
-        assert "joint FL_roll: kd is 18.8, above the" in wrong(folder, capsys)
+        assert "FL_roll: kd is 18.8" in wrong(folder, capsys)
 
 
 def test_ranges_that_no_training_can_read_are_refused(dog: Robot, tmp_path: Path, shell: Shell) -> None:

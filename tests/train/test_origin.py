@@ -117,7 +117,7 @@ class TestSource:
 
     def test_an_actor_of_another_size_is_refused_by_name(self, trained: Trained) -> None:
         ppo = replace(trained.run.config.ppo, actor_hidden_dims=(7,))
-        with pytest.raises(UserError, match=r"actor_hidden_dims \(\[32, 32\] there, \[7\] here\)"):
+        with pytest.raises(UserError, match=r"actor_hidden_dims .*\[32, 32\].*\[7\]"):
             check_source(find_source(trained.run.folder, "brax"), trained.env.contract, ppo)
 
     def test_another_observation_is_refused_and_other_gains_are_reported(self, trained: Trained) -> None:
@@ -126,7 +126,7 @@ class TestSource:
         stiffer = replace(contract, kp=tuple(2 * each for each in contract.kp))
         assert check_source(source, stiffer, ppo) == ["kp"]
         fewer = replace(contract, observation=contract.observation[:-1], control_rate_hz=25.0)
-        with pytest.raises(UserError, match=f"control_rate_hz.*{contract.observation[-1].name} there"):
+        with pytest.raises(UserError, match=f"control_rate_hz.*{contract.observation[-1].name}"):
             check_source(source, fewer, ppo)
 
 

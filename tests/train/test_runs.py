@@ -81,8 +81,8 @@ def test_a_finished_run_is_not_changed(
     run.policy.unlink()
     api.resume(run.folder)
     printed = capsys.readouterr().out
-    assert "the run began on NVIDIA H100" in printed
-    assert "the run began on source revision 0f1e2d, now " in printed
+    assert "NVIDIA H100" in printed
+    assert "0f1e2d, now " in printed
     assert last_checkpoint(run.folder) == last_checkpoint(whole_run)
     assert run.policy.read_bytes() == (whole_run / "policy.onnx").read_bytes()
 

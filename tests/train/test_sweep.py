@@ -214,7 +214,7 @@ def test_an_interrupted_sweep_resumes(tmp_path: Path, shell: Shell, monkeypatch:
     with interrupted_once(lambda: any(out.glob("*/begun"))):
         stopped = shell("sweep", file, "--out", out)
     assert (stopped.status, stopped.err.splitlines()[-1]) == (130, "footfall: interrupted")
-    assert f"4 unfinished; continue with: footfall sweep --resume {out}" in stopped.out
+    assert f"footfall sweep --resume {out}" in stopped.out
     assert {row["error"] for row in rows(out / "results.csv")} == {UNFINISHED}
     with pytest.raises(UserError):
         sweep(file, out)

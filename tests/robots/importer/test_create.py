@@ -248,7 +248,7 @@ class TestCreate:
 
     def test_torques_beyond_every_protocol_are_noted(self, tmp_path: Path) -> None:
         made = import_robot(self.request(tmp_path, peak_torque_nm={"FL_knee": 900.0}))
-        assert "no protocol has the ranges of FL_knee: the widest was taken" in made.guesses
+        assert any("FL_knee" in guess and "protocol" in guess for guess in made.guesses)
         plain = import_robot(self.request(tmp_path, "plain"))
         assert not any("no protocol has" in guess or "pairs of links" in guess for guess in plain.guesses)
         assert plain.guesses[0] == "base: 'trunk', its x axis pointing forward, z up"
