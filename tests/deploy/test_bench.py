@@ -10,7 +10,7 @@ import pytest
 from some_motors import with_motors
 from watched_simulation import Simulation
 
-from footfall import Robot, UserError
+from footfall import Robot
 from footfall.deploy.bench import PERIOD_US, Bench, disabled_afterwards
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.frames import EXTENDED, Frames
@@ -122,15 +122,6 @@ class TestBench:
         bench.watch(0.1, lambda: None)
         assert [math.isinf(state.age_s) for state in bench.states()] == [joint == 7 for joint in range(12)]
         assert [state.error for state in bench.states()] == [""] * 3 + ["under-voltage"] + [""] * 8
-
-    def test_a_broken_bus_is_named_and_the_motors_are_disabled(self, go1: Robot) -> None:
-        stand = OnStand(go1)
-        bench = stand.bench()
-        bench.enable()
-        stand.bus.fault = lambda: "bus can0 is bus-off"  # type: ignore[method-assign]
-        with pytest.raises(UserError, match="bus-off"), disabled_afterwards(bench):
-            bench.idle(1.0, lambda: None)
-        assert not stand.body.motors_on.any()
 
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])
     def test_a_signal_disables_the_motors_and_handlers_are_restored(self, go1: Robot, number: int) -> None:

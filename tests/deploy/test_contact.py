@@ -83,12 +83,6 @@ class TestContact:
         assert np.linalg.matrix_rank(jacobian[0]) == 2
         assert np.isfinite(self.after(robot, self.begun(robot, straight), straight, 3)).all()
 
-    def test_a_plan_limits_trust(self) -> None:
-        standing = under_load(ROBOT, np.tile(40.0 * UP, (4, 1)))
-        plan = np.array([1.0, 0.5, 0.0, 1.0])
-        found = self.after(ROBOT, self.begun(ROBOT, standing), standing, 200, plan)
-        np.testing.assert_allclose(found, plan, atol=0.01)
-
     def test_trust_rises_slowly_and_falls_quickly(self) -> None:
         """After one time constant of 30 ms trust is 63 %. After the end of the force it falls sooner."""
         standing, hanging = (under_load(ROBOT, np.tile(f * UP, (4, 1))) for f in (40.0, 0.0))

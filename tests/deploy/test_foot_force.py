@@ -76,13 +76,6 @@ class TestDeclaration:
         path.write_text(yaml.safe_dump(content))
         return folder
 
-    def test_policies_fit_the_robot_with_sensors(self, own_folder: Path, go1: Robot) -> None:
-        feet = {foot.name: "feet" for foot in go1.description.feet}
-        robot = load_robot(self.written(own_folder, **feet))
-        assert robot.foot_sensors == 4
-        assert robot.digest == go1.digest
-        assert wiring_of(robot).buses[-1] == "feet"
-
     def test_bad_declarations_are_refused(self, own_folder: Path, go1: Robot, sensing: Robot) -> None:
         """Errors of sensors need sensors; no learned policy reads force sensors.
 

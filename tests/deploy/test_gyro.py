@@ -41,14 +41,6 @@ def test_the_bias_does_not_rotate_with_the_orientation(rate: np.ndarray) -> None
     assert estimator.bias == pytest.approx(BIAS.tolist(), abs=1e-3)
 
 
-@pytest.mark.parametrize(("seconds", "share"), [(0.1, 0.2), (0.2, 0.5), (0.6, 0.9)])
-def test_the_bias_is_trusted_more_with_time(seconds: float, share: float) -> None:
-    """The weight is t^2 / (t^2 + 0.2^2)."""
-    estimator = GyroBias(GyroConfig(bias_half_s=0.2))
-    follow(estimator, np.zeros(3), seconds + DT_S)  # the first reading has no predecessor
-    assert estimator.bias == pytest.approx((share * BIAS).tolist(), rel=0.02)
-
-
 def test_acceleration_is_no_bias() -> None:
     """Between two readings the robot turns by their mean: from 0 to 10 rad/s in half a second."""
     estimator, quaternion = GyroBias(GyroConfig()), turn(np.zeros(3))

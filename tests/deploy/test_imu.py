@@ -56,18 +56,22 @@ def test_each_part_must_be_renewed_by_complete_frames(part: str, corrupt: Any, a
 
 def test_the_frames_of_a_reading_to_the_bit() -> None:
     """1.5 rad/s are 1500 = 0x05dc units, -1 m/s^2 is -200 = 0xff38, 0.6 is 19660 = 0x4ccc of 32767."""
-    reading = imu.Inertial([1.5, -0.001, 0.0], [-1.0, 0.005, 10.0], [0.0, 0.6, -0.8, 1.0])
+    reading = imu.Inertial([1.5, -0.001, 0.002], [-1.0, 0.005, 10.0], [0.0, 0.6, -0.8, 1.0])
     assert imu.IDS == (0x300, 0x301, 0x302)
-    assert [row.tobytes().hex(" ", 2) for row in imu.encode(reading, 0x1234)] == [
-        "05dc ffff 0000 1234",
+    frames = [row.tobytes() for row in imu.encode(reading, 0x1234)]
+    assert [row.hex(" ", 2) for row in frames] == [
+        "05dc ffff 0002 1234",
         "ff38 0001 07d0 1234",
         "0000 4ccc 999a 7fff",
     ]
+    gyro, counter = imu.decode_gyro(frames[0])
+    assert (gyro, counter) == (pytest.approx(reading.gyro), 0x1234)
+    assert imu.decode_acceleration(frames[1]) == pytest.approx(reading.acceleration)
     reading = imu.Inertial([0.0] * 3, [0.0] * 3, [1.0, 0.0, 0.0, 0.0])
     for row in imu.encode(reading, 0x3FFFF)[:2]:
         assert row.tobytes().hex(" ", 2) == "0000 0000 0000 ffff"
-    frames = imu.encode(imu.Inertial([99.0, -99.0, 0.0], [999.0, -999.0, 0.0], [2.0, -2.0, 0.0, 0.0]), 0)
-    assert [row.tobytes().hex(" ", 2)[:9] for row in frames] == ["7fff 8000"] * 3
+    beyond = imu.encode(imu.Inertial([99.0, -99.0, 0.0], [999.0, -999.0, 0.0], [2.0, -2.0, 0.0, 0.0]), 0)
+    assert [row.tobytes().hex(" ", 2)[:9] for row in beyond] == ["7fff 8000"] * 3
 
 
 # -- readers -----------------------------------------------------------------------------------------

@@ -38,18 +38,6 @@ def command(robot: Robot, torque: float = 0.0) -> JointCommand:
 
 
 class TestOut:
-    @pytest.mark.parametrize("side", [-1.0, 1.0])
-    def test_the_smaller_of_two_torques_of_one_direction_is_expected(
-        self, go1: Robot, layer: JointLayer, side: float
-    ) -> None:
-        """Between the commands the joint moves by 0.04 rad, which is 0.8 N m at 20 N m/rad."""
-        for torque in (0.4, -0.4, 2.0, 1.2):
-            layer.command(command(go1, side * torque))
-        layer.absorb([replies(go1, go1.default_pose - side * 0.04)], 2000)
-        np.testing.assert_allclose(layer.expected_torque(), side * 2.0, atol=0.02)
-        layer.command(command(go1, -side * 2.0))  # -1.2 N m here, 2 before
-        np.testing.assert_array_equal(layer.expected_torque(), 0.0)
-
     def test_targets_continue_after_damping(self, go1: Robot, layer: JointLayer) -> None:
         requested = command(go1)
         layer.command(requested)  # whose target is reached at once

@@ -21,16 +21,6 @@ def shut_down(loop: ControlLoop, body: FrameRobot, silent: list[int]) -> list[in
     return [at_us - loop.now_us for at_us, _ in body.sent[sent:]]
 
 
-def test_replies_from_the_second_tick_on_confirm_disabling(go1: Robot) -> None:
-    """All motors reply in one tick.
-
-    Replies of earlier ticks, and of the next tick, may answer earlier frames.
-    """
-    loop, body = loop_of(go1, Hold(go1))
-    assert shut_down(loop, body, silent=[]) == [2000, 4000]
-    assert loop.last_resort.silent_at_the_end == []
-
-
 def test_a_motor_that_never_replies_is_named_after_a_quarter_of_a_second(go1: Robot) -> None:
     loop, body = loop_of(go1, Hold(go1))
     assert shut_down(loop, body, silent=[7]) == np.arange(2000, DISABLE_TIMEOUT_US + 4000, 2000).tolist()

@@ -1,10 +1,8 @@
 """A lying robot stands up; it lies down before its motors are disabled if the fault permits."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 import pytest
 from deploy_policies import Hold, not_a_number, short_episode
@@ -16,10 +14,8 @@ from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import HELD, Mode
 from footfall.deploy.pose_path import PosePath
 from footfall.deploy.postures import MotionBefore, Postures
-from footfall.deploy.wiring import wiring_of
 from footfall.plant.injection import InjectingPolicy
-from footfall.plant.robot import PlantConfig, SimulatedRobot
-from footfall.plant.wires import SimulatedWires
+from footfall.plant.robot import SimulatedRobot
 
 CONFIG = DeployConfig()
 POSED = (Mode.STANDING, Mode.LOWERING)
@@ -105,24 +101,6 @@ class TestPostures:
         assert not postures.done(fast_s + slow_s + 0.29 * CONFIG.stand_s)
         assert postures.done(fast_s + slow_s + 0.3 * CONFIG.stand_s)
 
-    @pytest.mark.parametrize("before", [MotionBefore.STANDING, MotionBefore.STOPPED, MotionBefore.WALKING])
-    def test_no_posture_exceeds_the_robots_target_rate(self, go1: Robot, before: MotionBefore) -> None:
-        """At 0.1 rad/s a path takes pi / 2 times as long as at a constant rate.
-
-        A calf moves 0.3 rad to standing and 0.9 rad to lying.
-        """
-        slow = replace(go1, description=replace(go1.description, target_rate_rad_s=0.1))
-        postures = Postures(slow, CONFIG, lie_down=True)
-        stretched = go1.default_pose + np.tile([0.0, 0.0, 0.3], 4)
-        duration_s = 0.5 * np.pi * 1.2 / 0.1
-        postures.lie_down(stretched, before)
-        assert not postures.done(duration_s + 0.29 * CONFIG.stand_s)
-        assert postures.done(duration_s + 0.3 * CONFIG.stand_s)
-        postures.stand_up(go1.lying_pose, LEVEL)
-        duration_s = 0.7 * CONFIG.stand_s + 0.5 * np.pi * 0.9 / 0.1
-        assert not postures.done(duration_s + 0.29 * CONFIG.stand_s)
-        assert postures.done(duration_s + 0.3 * CONFIG.stand_s)
-
 
 class TestRun:
     def test_a_run_from_lying_to_disabled_motors(self, go1: Robot) -> None:
@@ -164,23 +142,3 @@ class TestRun:
         biped = load_robot("g1")
         with pytest.raises(UserError, match=r"'g1'.*lying_rad"):
             run(biped, Hold(biped))
-
-
-class TestDescription:
-    @pytest.mark.parametrize("name", ["go1", "hexapod"])
-    def test_only_base_and_feet_touch_the_ground(self, name: str) -> None:
-        """Contacts are MuJoCo's own, up to a few millimetres deep."""
-        robot = load_robot(name)
-        wiring = wiring_of(robot)
-        body = SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses), PlantConfig(lying=True))
-        model, data = body.model, body.data
-        data.qpos[2] = robot.legs.base_below - 0.001
-        mujoco.mj_forward(model, data)
-        ground = [
-            geom for pair in data.contact.geom.tolist() if 0 in model.geom_bodyid[pair] for geom in pair
-        ]
-        touching = {geom for geom in ground if model.geom_bodyid[geom] != 0}
-        feet = {model.geom(geom).id for foot in robot.description.feet for geom in foot.geoms}
-        base = {geom for geom in touching if model.geom(geom).bodyid == model.body(robot.description.base).id}
-        assert base
-        assert touching == base | feet

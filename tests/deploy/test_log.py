@@ -277,14 +277,6 @@ class TestDisk:
         log.tick(0, STILL, HEALTH, None)
         assert "a.mcap" in log.close()
 
-    def test_the_death_of_the_writing_process_is_noted(self, go1: Robot, tmp_path: Path) -> None:
-        _, log = log_of(go1, tmp_path)
-        os.kill(log._process.pid, signal.SIGKILL)
-        log._process.wait()
-        for tick in range(3):
-            log.tick(tick, STILL, HEALTH, None)
-        assert "a.mcap" in log.close()
-
 
 Mutation = Callable[[bytes, np.random.Generator], bytes]
 

@@ -137,26 +137,6 @@ class TestAddressing:
             sent = self.replies(end, np.array([4, 1, 11, 7]))
             assert driver.replies(sent._replace(**changes)).motor.tolist() == known  # type: ignore[union-attr]
 
-    def test_a_complete_batch_in_another_order_is_decoded(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
-        driver, end = ends
-        backwards = self.replies(end, np.arange(12)[::-1])
-        for _ in range(3):
-            found = driver.replies(backwards)
-            np.testing.assert_allclose(found.values[0], 0.1 * np.arange(12)[found.motor], atol=2e-4)
-
-    def test_motors_accept_complete_commands_of_their_bus(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
-        driver, end = ends
-        values = np.zeros((5, 12))
-        values[0] = 0.1 * np.arange(12)
-        sent = driver.command(values)
-        for _ in range(3):
-            requests = end.requests(sent)
-            np.testing.assert_allclose(requests.values[0], values[0], atol=2e-4)
-            assert requests.kind is None
-        rows = sent.take(np.array([4, 1, 7, 8]))
-        requests = end.requests(rows._replace(id=np.array([2, 2, 0x102, 9]), length=np.array([8, 7, 8, 8])))
-        assert requests.motor.tolist() == [4]  # type: ignore[union-attr]
-
 
 def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> None:
     wiring = wiring_of(go1)

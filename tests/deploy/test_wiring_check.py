@@ -89,13 +89,6 @@ def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Callable[..
     assert standing < 0.05  # legs that stood up do not pull at each other
 
 
-def test_a_biped_with_another_centre_of_mass_stands_still(motions: Callable[..., None]) -> None:
-    motions(settle_s=1.2, move_s=0.3, doubtful=0.9, imu_alike=0.9)
-    shifted: Sample = {"com_offset_m": np.array([-0.05, 0.0, 0.0])}
-    outcome = checked(load_robot("g1"), lambda _: None, lying=False, sample=shifted)
-    assert (outcome.final_state, outcome.faults) == ("IDLE", ())
-
-
 @pytest.mark.parametrize(
     ("inject", "lying", "names"),
     [

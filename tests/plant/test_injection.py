@@ -6,20 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 from reports import report
-from scipy.spatial.transform import Rotation
 
 from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.frame_changes import (
     dropped,
-    each_imu_frame,
-    emptied,
     flipped,
     from_imu,
     late,
-    nothing,
-    turned,
 )
 from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource
 from footfall.plant.motor_ends.choice import open_motor_end
@@ -55,14 +50,6 @@ class TestFrames:
         assert numbers(hold([of_imu(), batch(9)], 0)) == [9]
         assert [int(frames.id[0]) for frames in hold([batch(8)], 3000)] == [imu.GYRO_ID, 0x100]
 
-    def test_one_frame_of_a_reading_changes_and_the_others_do_not(self) -> None:
-        received, changed = of_imu(), each_imu_frame(imu.ACCELERATION_ID, emptied)(of_imu())
-        result = dict(zip(changed.id.tolist(), changed.data.tolist(), strict=True))
-        before = dict(zip(received.id.tolist(), received.data.tolist(), strict=True))
-        assert result == {**before, imu.ACCELERATION_ID: [0] * 8}
-        left = each_imu_frame(imu.QUATERNION_ID, nothing)(received)
-        assert sorted(left.id.tolist()) == [imu.GYRO_ID, imu.ACCELERATION_ID]
-
     def test_a_share_of_frames_gets_lost(self) -> None:
         """A quarter of 4000 is 1000, with a standard deviation of 27."""
         left = dropped(0.25, np.random.default_rng(0))(batch(7, k=4000))
@@ -77,18 +64,6 @@ class TestFrames:
         assert bits.sum() == pytest.approx(1000, abs=110)
         assert bits.sum(axis=0).min() > 0  # each of the 64 bits may change
         assert (whole.data == 0x55).all()
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_quaternion_is_turned_about_the_bodys_own_axis(axis: int) -> None:
-    """Nothing else of a reading changes."""
-    body = Rotation.from_euler("ZYX", [1.0, -0.4, 0.2])
-    reading = READING._replace(quaternion=body.as_quat(scalar_first=True).tolist())
-    askew = turned(reading, axis, 30.0)
-    expected = body * Rotation.from_rotvec(np.deg2rad(30.0) * np.eye(3)[axis])
-    found = Rotation.from_quat(askew.quaternion, scalar_first=True)
-    assert (expected.inv() * found).magnitude() == pytest.approx(0.0, abs=1e-9)
-    assert (askew.gyro, askew.acceleration) == (reading.gyro, reading.acceleration)
 
 
 class TestReadings:

@@ -148,31 +148,6 @@ class TestMotors:
         mixed[:, 1] = VALUES[:, 1]
         np.testing.assert_allclose(stand.torque(9)[1:], torque_of(mixed)[1:])
 
-    def test_jitter_delays_commands_but_keeps_their_order(self) -> None:
-        stand = Stand(action_delay_s=0.002, action_jitter_s=0.012)
-        stand.on()
-        late = []
-        for step in range(600):
-            stand.ask(step, slice(None), None, step * np.ones((5, 3)))
-            stand.torque(step)
-            late.append(step - int(stand.motors._command.position[0]))
-        assert max(np.diff(late)) <= 1
-        drawn = late[39::20]  # each for 20 steps
-        assert set(drawn) <= set(range(2, 15))
-        assert len(set(drawn)) > 8
-        assert [late[start + steps] for start, steps in zip(range(20, 600, 20), drawn, strict=True)] == drawn
-
-    def test_stiffness_and_damping_are_off_by_each_motors_own_share(self) -> None:
-        stand = Stand(kp=np.array([1.1, 0.9, 1.3]), kd=np.array([0.8, 1.2, 0.7]))
-        stand.on()
-        stand.ask(0, np.array([2, 1]), None, VALUES[:, [2, 1]])
-        expected = VALUES.copy()
-        expected[2], expected[3] = VALUES[2] * [1.1, 0.9, 1.3], VALUES[3] * [0.8, 1.2, 0.7]
-        expected[:, 0] = 0.0
-        np.testing.assert_allclose(stand.torque(0), torque_of(expected))
-        assert stand.end.next is not None
-        np.testing.assert_array_equal(stand.end.next.values, VALUES[:, [2, 1]])  # not written to
-
     def test_a_motor_enabled_again_continues_and_a_disabled_motor_is_limp(self) -> None:
         stand = Stand()
         stand.on()

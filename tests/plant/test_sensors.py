@@ -274,21 +274,6 @@ class PastReadings:
 
 
 class TestSensors:
-    @pytest.mark.parametrize(("delay_s", "steps"), [(0.0, 0), (0.002, 2), (0.0026, 3)])
-    def test_delayed_sensors_show_an_earlier_state(self, delay_s: float, steps: int) -> None:
-        past = PastReadings(observation_delay_s=delay_s)
-        for now in range(12):
-            past.step(now)
-            k = max(0, now - steps)
-            joints, inertial = past.sensors.joints(np.zeros(2)), past.sensors.inertial()
-            np.testing.assert_allclose(
-                joints, [[2 + k, 1 + k], [20 + k, 10 + k], [100 + k, 200 + k]], atol=1e-12
-            )
-            np.testing.assert_allclose(inertial.gyro, [k, 2 * k, 3 * k])
-            np.testing.assert_allclose(inertial.acceleration, [k, 5 * k, 7 * k])
-            turn = Rotation.from_euler("xyz", [0.1 * k, 0.2, -0.3])
-            np.testing.assert_allclose(inertial.quaternion, turn.as_quat(scalar_first=True), atol=1e-12)
-
     def test_mean_velocities_add_up_to_the_positions(self) -> None:
         """An engine's velocities may alternate from step to step; readings have every second step."""
         past, travel = PastReadings(mean_velocity=True), np.zeros(2)

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from footfall.plant import standing
-from footfall.plant.standing import HoldDefaultPose, standing_test
+from footfall.plant.standing import standing_test
 from footfall.robots.description import Robot
 
 
@@ -80,11 +80,3 @@ def test_a_robot_stood_if_it_neither_fell_nor_had_a_fault(
 ) -> None:
     found, _ = stood(monkeypatch, strong, **changes)
     assert (found.fall_reason, found.stood) == (reason, is_up)
-
-
-def test_the_standing_test_uses_the_robots_own_gains(go1: Robot) -> None:
-    policy = HoldDefaultPose(go1)
-    command = policy.act(None)  # type: ignore[arg-type]
-    for part, expected in zip(command, (go1.default_pose, 0.0, go1.kp, go1.kd, 0.0), strict=True):
-        np.testing.assert_array_equal(part, np.broadcast_to(expected, 12))
-    assert policy.stance() is None
