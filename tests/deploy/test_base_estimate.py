@@ -1,12 +1,10 @@
 """Which runs estimate the base's velocity and height, and from which sensors."""
 
 import numpy as np
-import pytest
 from deploy_policies import Hold
 from fake_estimator import FakeEstimator
-from loops import loop_of, simulated_loop, until, walk_for
+from loops import simulated_loop, walk_for
 
-from footfall.deploy.base_estimate import BaseEstimate
 from footfall.deploy.modes import Mode
 from footfall.robots.description import Robot
 
@@ -33,16 +31,3 @@ def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robo
     assert [seen.base_velocity[0] for seen in policy.seen] == [3, 4, 5, 6, 7, 8]  # one at each policy step
     np.testing.assert_allclose(note.steps_s[3:], 0.02, atol=1e-9)
     assert policy.seen[-1].base_height == 0.25
-
-
-@pytest.mark.parametrize("known", [True, False])
-def test_a_known_state_replaces_an_estimate(go1: Robot, known: bool) -> None:
-    policy, velocity = Hold(go1), np.array([1.0, 2.0, 3.0])
-    loop, _ = loop_of(go1, policy, base_state=(lambda: (velocity, 0.4)) if known else None)
-    until(loop, Mode.WALKING)
-    loop.tick()
-    seen = policy.seen[-1]
-    np.testing.assert_array_equal(
-        [*seen.base_velocity, seen.base_height], [1, 2, 3, 0.4] if known else [np.nan] * 4
-    )
-    assert BaseEstimate(250.0).odometry(0) is None

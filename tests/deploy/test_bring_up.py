@@ -17,7 +17,7 @@ from footfall.deploy.bring_up.motions import (
     one_after_the_other,
     swaying,
 )
-from footfall.deploy.bring_up.recording import Recording, Samples
+from footfall.deploy.bring_up.recording import Samples
 from footfall.deploy.bring_up.steps import STEPS, Plan, Setting, Step, Verdict, _Judge, run_step
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers.choice import open_driver
@@ -214,29 +214,6 @@ class FakeLoop:
         self.ended.append(skip_lie_down)
 
 
-def test_each_sample_is_the_loops_state_at_its_time() -> None:
-    """The robot is turned by 0.2 rad to its right.
-
-    Of 0 to 0.3 s, the samples at 0.1 and 0.2 s are recorded.
-    """
-    loop, recording = FakeLoop(), Recording()
-    for tick in range(4):
-        loop.walking_s, loop.target, loop.temperature_c = 0.1 * tick, np.full(12, 1.0), np.full(12, 5.0)
-        loop.sensed = AT_REST._replace(
-            joint_position=np.full(12, 2.0 + tick),
-            joint_velocity=np.full(12, 3.0),
-            joint_torque=np.full(12, 4.0),
-            quaternion=np.array([np.cos(0.1), np.sin(0.1), 0.0, 0.0]),
-        )
-        recording.add(loop)  # type: ignore[arg-type]
-    found = recording.between(0.05, 0.25)
-    np.testing.assert_allclose(found.time_s, [0.1, 0.2])
-    np.testing.assert_allclose(found.position[:, 7], [3.0, 4.0])
-    rest = [found.target, found.velocity, found.torque, found.temperature_c]
-    assert [float(values[0, 7]) for values in rest] == [1.0, 3.0, 4.0, 5.0]
-    np.testing.assert_allclose([found.roll, found.pitch], [[0.2, 0.2], [0.0, 0.0]], atol=1e-12)
-
-
 class TestJudge:
     def judge(self, go1: Robot, *windows: Window, **step: object) -> _Judge:
         def no_plan(_: Setting) -> Plan:
@@ -325,34 +302,32 @@ def wrong_ratio(injector: FaultInjector) -> None:
     injector.on_values(change)
 
 
-class TestLadder:
-    @pytest.mark.parametrize("step", ["hold", "shift", "walk"])
-    def test_a_sound_robot_passes(self, go1: Robot, step: str) -> None:
-        verdict = verdict_of(go1, step)
-        assert (verdict.findings, verdict.outcome.final_state) == ((), "IDLE")
+@pytest.mark.parametrize("step", ["hold", "shift", "walk"])
+def test_a_sound_robot_passes(go1: Robot, step: str) -> None:
+    verdict = verdict_of(go1, step)
+    assert (verdict.findings, verdict.outcome.final_state) == ((), "IDLE")
 
-    @pytest.mark.parametrize(
-        ("steps", "inject", "message"),
-        [
-            (["hold"], FAULTS["motor's torque reversed"], "pulls the other way"),
-            (["hold"], FAULTS["ids of two motors swapped"], "outside its range"),
-            (["hold"], no_power, "no torque"),
-            (["hold"], FAULTS["motor at 90 degrees Celsius"], "90 degrees Celsius"),
-            (["hold", "joints"], wrong_ratio, "ratio"),
-            (["hold", "stand"], FAULTS["one encoder off by a turn of the rotor"], ""),
-        ],
-        ids=["sign", "swapped", "no power", "hot", "ratio", "zero"],
-    )
-    def test_the_first_step_to_notice(
-        self, go1: Robot, steps: list[str], inject: Injection, message: str
-    ) -> None:
-        for earlier in steps[:-1]:
-            assert verdict_of(go1, earlier, inject).passed
-        verdict = verdict_of(go1, steps[-1], inject)
-        assert not verdict.passed
-        assert message in " ".join(verdict.findings)
-        if steps[-1] == "joints":
-            assert verdict.outcome.walked_s < 1.5 * CONFIG.move_s  # no other joint had to move
+
+@pytest.mark.parametrize(
+    ("steps", "inject", "message"),
+    [
+        (["hold"], FAULTS["motor's torque reversed"], "pulls the other way"),
+        (["hold"], FAULTS["ids of two motors swapped"], "outside its range"),
+        (["hold"], no_power, "no torque"),
+        (["hold"], FAULTS["motor at 90 degrees Celsius"], "90 degrees Celsius"),
+        (["hold", "joints"], wrong_ratio, "ratio"),
+        (["hold", "stand"], FAULTS["one encoder off by a turn of the rotor"], ""),
+    ],
+    ids=["sign", "swapped", "no power", "hot", "ratio", "zero"],
+)
+def test_the_first_step_to_notice(go1: Robot, steps: list[str], inject: Injection, message: str) -> None:
+    for earlier in steps[:-1]:
+        assert verdict_of(go1, earlier, inject).passed
+    verdict = verdict_of(go1, steps[-1], inject)
+    assert not verdict.passed
+    assert message in " ".join(verdict.findings)
+    if steps[-1] == "joints":
+        assert verdict.outcome.walked_s < 1.5 * CONFIG.move_s  # no other joint had to move
 
 
 def test_the_defaults_and_the_page_agree(tmp_path: Path) -> None:

@@ -147,37 +147,35 @@ class NoCan:
         self.statistics = lambda: [BusStatistics("can0"), BusStatistics("can1")]
 
 
-class TestPort:
-    """A pseudo-terminal instead of the IMU's cable."""
+def test_bytes_of_a_port_reach_the_driver_beside_can() -> None:
+    far, near = os.openpty()
+    can = NoCan()
+    bus = WithSerialLine(can, SerialLine(f"serial:{os.ttyname(near)}@115200", 1), 1)
+    try:
+        os.write(far, xbus.encode(Sample(1, TILTED)))
+        imu, deadline = XbusImu(1), time.monotonic() + 20.0
+        while imu.arrived_us is None and time.monotonic() < deadline:
+            for frames in bus.receive(4000):
+                imu.absorb(frames, 4000)
+        assert imu.arrived_us == 4000
+        channels, data = np.array([0, 1, 2]), np.zeros((3, 8), np.uint8)
+        bus.send(Frames(channels, np.array(IDS[:3]), data, np.full(3, 8)), 4000)
+        assert can.sent[0].channel.tolist() == [0, 1]
+        assert [each.name[:6] for each in bus.statistics()] == ["can0", "serial", "can1"]
+        os.close(far)
+        assert bus.receive(5000) == []
+        assert "serial" in bus.fault()
+    finally:
+        bus.close()
+        os.close(near)
 
-    def test_bytes_of_a_port_reach_the_driver_beside_can(self) -> None:
-        far, near = os.openpty()
-        can = NoCan()
-        bus = WithSerialLine(can, SerialLine(f"serial:{os.ttyname(near)}@115200", 1), 1)
-        try:
-            os.write(far, xbus.encode(Sample(1, TILTED)))
-            imu, deadline = XbusImu(1), time.monotonic() + 20.0
-            while imu.arrived_us is None and time.monotonic() < deadline:
-                for frames in bus.receive(4000):
-                    imu.absorb(frames, 4000)
-            assert imu.arrived_us == 4000
-            channels, data = np.array([0, 1, 2]), np.zeros((3, 8), np.uint8)
-            bus.send(Frames(channels, np.array(IDS[:3]), data, np.full(3, 8)), 4000)
-            assert can.sent[0].channel.tolist() == [0, 1]
-            assert [each.name[:6] for each in bus.statistics()] == ["can0", "serial", "can1"]
-            os.close(far)
-            assert bus.receive(5000) == []
-            assert "serial" in bus.fault()
-        finally:
-            bus.close()
-            os.close(near)
 
-    def test_a_missing_port_or_a_wrong_name_is_refused(self) -> None:
-        with pytest.raises(UserError, match="no_such_port"):
-            SerialLine("serial:/dev/no_such_port", 0)
-        for name in ("serial:", "serial:/dev/ttyS0@fast"):
-            with pytest.raises(UserError, match="serial:"):
-                port_of(name)
+def test_a_missing_port_or_a_wrong_name_is_refused() -> None:
+    with pytest.raises(UserError, match="no_such_port"):
+        SerialLine("serial:/dev/no_such_port", 0)
+    for name in ("serial:", "serial:/dev/ttyS0@fast"):
+        with pytest.raises(UserError, match="serial:"):
+            port_of(name)
 
 
 def test_motors_on_a_serial_port_are_refused(go1: Robot) -> None:

@@ -251,68 +251,60 @@ HEALTH = MotorHealth(
 STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
 
 
-class TestDisk:
-    """A log that fails loses only its own content; the run continues."""
+def test_a_full_disk_does_not_end_the_run(go1: Robot, capfd: pytest.CaptureFixture[str]) -> None:
+    noted_at_us: list[int] = []
 
-    def test_a_full_disk_does_not_end_the_run(self, go1: Robot, capfd: pytest.CaptureFixture[str]) -> None:
-        noted_at_us: list[int] = []
+    def listen(loop: ControlLoop, _: object) -> None:
+        if not noted_at_us and "No space left" in capfd.readouterr().err:
+            noted_at_us.append(loop.now_us)
 
-        def listen(loop: ControlLoop, _: object) -> None:
-            if not noted_at_us and "No space left" in capfd.readouterr().err:
-                noted_at_us.append(loop.now_us)
+    trace = run_episode(go1, Hold(go1), short_episode(log=Path("/dev/full"), config=UNHURRIED), listen)
+    assert trace.final_state == "IDLE"
+    assert trace.walked_s == pytest.approx(1.0, abs=0.01)
+    assert ["/dev/full" in note for note in trace.notes] == [True]
+    assert noted_at_us
+    assert noted_at_us[0] < 1_000_000
 
-        trace = run_episode(go1, Hold(go1), short_episode(log=Path("/dev/full"), config=UNHURRIED), listen)
-        assert trace.final_state == "IDLE"
-        assert trace.walked_s == pytest.approx(1.0, abs=0.01)
-        assert ["/dev/full" in note for note in trace.notes] == [True]
-        assert noted_at_us
-        assert noted_at_us[0] < 1_000_000
 
-    def test_a_hung_writer_is_abandoned(
-        self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
-        _, log = log_of(go1, tmp_path, may_wait=False)
-        os.kill(log._process.pid, signal.SIGSTOP)
-        log.tick(0, STILL, HEALTH, None)
-        assert "a.mcap" in log.close()
+def test_a_hung_writer_is_abandoned(go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(log_module, "LAST_WAIT_S", 0.3)
+    _, log = log_of(go1, tmp_path, may_wait=False)
+    os.kill(log._process.pid, signal.SIGSTOP)
+    log.tick(0, STILL, HEALTH, None)
+    assert "a.mcap" in log.close()
 
 
 Mutation = Callable[[bytes, np.random.Generator], bytes]
 
 
-class TestDamage:
-    """Logs with changed, lost or added bytes give their intact part, or one line."""
+@pytest.mark.parametrize("share", [0.0, 0.5], ids=["the first, which has all definitions", "another"])
+def test_a_damaged_chunk(logged: tuple[Path, Trace], whole: LogFile, tmp_path: Path, share: float) -> None:
+    """The file's end repeats the definitions of its messages."""
+    content = bytearray(logged[0].read_bytes())
+    zstd = b"\x28\xb5\x2f\xfd"  # at the head of each chunk's content
+    content[content.index(zstd, int(share * len(content))) + 100] ^= 0xFF
+    hurt, copy = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
+    hurt.write_bytes(content)
+    log = read_log(hurt)
+    assert log.damaged == 1
+    assert len(whole.entries) * 0.5 < len(log.entries) < len(whole.entries)
+    assert recover(hurt, copy) == (len(log.entries), 1)
+    recovered = read_log(copy)
+    assert recovered.damaged == 0
+    assert [each[:2] for each in recovered.entries] == [each[:2] for each in log.entries]
 
-    @pytest.mark.parametrize("share", [0.0, 0.5], ids=["the first, which has all definitions", "another"])
-    def test_a_damaged_chunk(
-        self, logged: tuple[Path, Trace], whole: LogFile, tmp_path: Path, share: float
-    ) -> None:
-        """The file's end repeats the definitions of its messages."""
-        content = bytearray(logged[0].read_bytes())
-        zstd = b"\x28\xb5\x2f\xfd"  # at the head of each chunk's content
-        content[content.index(zstd, int(share * len(content))) + 100] ^= 0xFF
-        hurt, copy = tmp_path / "hurt.mcap", tmp_path / "whole.mcap"
-        hurt.write_bytes(content)
-        log = read_log(hurt)
-        assert log.damaged == 1
-        assert len(whole.entries) * 0.5 < len(log.entries) < len(whole.entries)
-        assert recover(hurt, copy) == (len(log.entries), 1)
-        recovered = read_log(copy)
-        assert recovered.damaged == 0
-        assert [each[:2] for each in recovered.entries] == [each[:2] for each in log.entries]
 
-    @pytest.mark.parametrize("seed", range(4))
-    @pytest.mark.parametrize("mutation", [mutated, mutated_records])
-    def test_no_mutation_gives_a_traceback(
-        self, go1: Robot, logged: tuple[Path, Trace], tmp_path: Path, mutation: Mutation, seed: int
-    ) -> None:
-        hurt = tmp_path / "hurt.mcap"
-        hurt.write_bytes(mutation(logged[0].read_bytes(), np.random.default_rng(seed)))
-        for work in (
-            lambda: read_log(hurt),
-            lambda: replay(hurt, Sway(go1)),
-            lambda: recover(hurt, tmp_path / "whole.mcap"),
-        ):
-            with suppress(UserError):
-                work()
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("mutation", [mutated, mutated_records])
+def test_no_mutation_gives_a_traceback(
+    go1: Robot, logged: tuple[Path, Trace], tmp_path: Path, mutation: Mutation, seed: int
+) -> None:
+    hurt = tmp_path / "hurt.mcap"
+    hurt.write_bytes(mutation(logged[0].read_bytes(), np.random.default_rng(seed)))
+    for work in (
+        lambda: read_log(hurt),
+        lambda: replay(hurt, Sway(go1)),
+        lambda: recover(hurt, tmp_path / "whole.mcap"),
+    ):
+        with suppress(UserError):
+            work()

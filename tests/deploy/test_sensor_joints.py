@@ -30,52 +30,47 @@ def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tu
     return float(most[0]), float(most[1])
 
 
-class TestDrift:
-    """Travel by position against travel by velocity."""
+def test_the_drift_is_a_root_of_squares_minus_a_share(go1: Robot) -> None:
+    """1 rad/s without motion count for 22 ms of the first 40 on average. A fifth of 40 mrad passes.
 
-    def test_the_drift_is_a_root_of_squares_minus_a_share(self, go1: Robot) -> None:
-        """1 rad/s without motion count for 22 ms of the first 40 on average. A fifth of 40 mrad passes.
-
-        The next ten readings are 40 ms later than these.
-        """
-        first = measured(go1, Drift, lambda _: (0.0, 1.0), samples=10)
-        assert first[0] == pytest.approx(0.022 - 0.2 * 0.04)
-        kept = math.exp(-0.04 / LIMITS.drift_memory_s)
-        error, travel = math.sqrt(kept * 0.022**2 + 0.04**2), math.sqrt(kept * 0.04**2 + 0.04**2)
-        second = measured(go1, Drift, lambda _: (0.0, 1.0), samples=20)
-        assert second[0] == pytest.approx(error - 0.2 * travel)
+    The next ten readings are 40 ms later than these.
+    """
+    first = measured(go1, Drift, lambda _: (0.0, 1.0), samples=10)
+    assert first[0] == pytest.approx(0.022 - 0.2 * 0.04)
+    kept = math.exp(-0.04 / LIMITS.drift_memory_s)
+    error, travel = math.sqrt(kept * 0.022**2 + 0.04**2), math.sqrt(kept * 0.04**2 + 0.04**2)
+    second = measured(go1, Drift, lambda _: (0.0, 1.0), samples=20)
+    assert second[0] == pytest.approx(error - 0.2 * travel)
 
 
-class TestWander:
-    """Sum of the signed differences of travel."""
+def test_an_encoder_that_drifts_beside_its_velocity_is_noticed(go1: Robot) -> None:
+    """The encoder drifts at 1 rad/s beside a swing: 0.04 rad per window, 0.022 in the first; all fades.
 
-    def test_an_encoder_that_drifts_beside_its_velocity_is_noticed(self, go1: Robot) -> None:
-        """The encoder drifts at 1 rad/s beside a swing: 0.04 rad per window, 0.022 in the first; all fades.
+    The fastest, 1.24 rad/s at the first window, fades likewise: 5 ms of it are the motor's filter's, and
+    half of a sample's 4 ms may go unseen.
+    """
+    kept = math.exp(-0.04 / LIMITS.drift_memory_s)
+    fastest = 1.5 * math.cos(0.04 * 15.0) * kept**2
+    wander = measured(go1, Wander, lambda t: (swing(t)[0] + t, swing(t)[1]), samples=30)
+    wandered = kept**2 * 0.022 + kept * 0.04 + 0.04
+    assert wander[0] == pytest.approx(wandered - 0.007 * fastest, abs=0.0005)
+    assert wander[0] > LIMITS.wander_rad
+    assert (wander[1:] == 0.0).all()
 
-        The fastest, 1.24 rad/s at the first window, fades likewise: 5 ms of it are the motor's filter's, and
-        half of a sample's 4 ms may go unseen.
-        """
-        kept = math.exp(-0.04 / LIMITS.drift_memory_s)
-        fastest = 1.5 * math.cos(0.04 * 15.0) * kept**2
-        wander = measured(go1, Wander, lambda t: (swing(t)[0] + t, swing(t)[1]), samples=30)
-        wandered = kept**2 * 0.022 + kept * 0.04 + 0.04
-        assert wander[0] == pytest.approx(wandered - 0.007 * fastest, abs=0.0005)
-        assert wander[0] > LIMITS.wander_rad
-        assert (wander[1:] == 0.0).all()
 
-    @pytest.mark.parametrize("seed", range(4))
-    @pytest.mark.parametrize("late_ms", [5, 10])
-    def test_late_frames_of_a_fast_swing_pass(self, go1: Robot, late_ms: int, seed: int) -> None:
-        """10 ms at 7.5 rad/s are 0.075 rad: unevenly timed frames show the possible delay."""
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("late_ms", [5, 10])
+def test_late_frames_of_a_fast_swing_pass(go1: Robot, late_ms: int, seed: int) -> None:
+    """10 ms at 7.5 rad/s are 0.075 rad: unevenly timed frames show the possible delay."""
 
-        def fast(time_s: float) -> tuple[float, float]:
-            return 0.25 * np.sin(30.0 * time_s), 7.5 * np.cos(30.0 * time_s)
+    def fast(time_s: float) -> tuple[float, float]:
+        return 0.25 * np.sin(30.0 * time_s), 7.5 * np.cos(30.0 * time_s)
 
-        drift, wander = measured_late(go1, fast, late_ms, seed)
-        assert drift < LIMITS.drift_rad
-        assert wander < LIMITS.wander_rad
-        drift, _ = measured_late(go1, lambda t: (0.1, fast(t)[1]), late_ms, seed)
-        assert drift > LIMITS.drift_rad
+    drift, wander = measured_late(go1, fast, late_ms, seed)
+    assert drift < LIMITS.drift_rad
+    assert wander < LIMITS.wander_rad
+    drift, _ = measured_late(go1, lambda t: (0.1, fast(t)[1]), late_ms, seed)
+    assert drift > LIMITS.drift_rad
 
 
 @pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
@@ -137,23 +132,21 @@ class TestTorqueStuck:
         assert all(measured(go1, TorqueStuck, torque=torque, samples=n)[0] == 0.0 for n in samples)
 
 
-class TestOpposing:
-    """A motor's reported torque against its command."""
+def commanded(robot: Robot, reported: float, lag_s: float = 0.0) -> float:
+    """Commands alternate between shares of the peak torque; a share of them is reported, later."""
+    peak = float(robot.motor.peak_torque[0])
 
-    def commanded(self, robot: Robot, reported: float, lag_s: float = 0.0) -> float:
-        """Commands alternate between shares of the peak torque; a share of them is reported, later."""
-        peak = float(robot.motor.peak_torque[0])
+    def wave(time_s: float) -> float:
+        return peak * (0.1 + 0.5 * np.sin(10.0 * time_s))
 
-        def wave(time_s: float) -> float:
-            return peak * (0.1 + 0.5 * np.sin(10.0 * time_s))
+    return float(measured(robot, Opposing, torque=lambda t: (reported * wave(t - lag_s), wave(t)))[0])
 
-        return float(measured(robot, Opposing, torque=lambda t: (reported * wave(t - lag_s), wave(t)))[0])
 
-    @pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
-    def test_torque_and_command_are_compared_in_size_and_sign(
-        self, go1: Robot, reported: float, opposing: float
-    ) -> None:
-        assert self.commanded(go1, reported) == pytest.approx(opposing, abs=0.01)
+@pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
+def test_torque_and_command_are_compared_in_size_and_sign(
+    go1: Robot, reported: float, opposing: float
+) -> None:
+    assert commanded(go1, reported) == pytest.approx(opposing, abs=0.01)
 
 
 @pytest.mark.parametrize(

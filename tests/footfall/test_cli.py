@@ -17,82 +17,76 @@ from footfall.common.errors import UserError
 from footfall.machine import Finding
 
 
-class TestEndings:
-    @pytest.mark.parametrize(
-        ("verb", "status", "result"),
-        [
-            (lambda: None, 0, ""), (lambda: 3, 3, ""), (lambda: "text", 0, ""),
-            (UserError("a\n  b"), 2, "footfall: a b\n"), (OSError(28, "No space left"), 2, "No space left"),
-            (KeyboardInterrupt(), 130, "footfall: interrupted\n"),
-            (BrokenPipeError(32, "Broken pipe"), 141, ""), (SystemExit(1), 141, ""),
-        ],
-    )  # fmt: skip
-    def test_a_result_sets_status_and_last_line(
-        self,
-        shell: Shell,
-        monkeypatch: pytest.MonkeyPatch,
-        verb: Callable | BaseException,
-        status: int,
-        result: str,
-    ) -> None:
-        def app(*_: Any, **__: Any) -> Any:
-            if isinstance(verb, BaseException):
-                raise verb
-            return verb()
+@pytest.mark.parametrize(
+    ("verb", "status", "result"),
+    [
+        (lambda: None, 0, ""), (lambda: 3, 3, ""), (lambda: "text", 0, ""),
+        (UserError("a\n  b"), 2, "footfall: a b\n"), (OSError(28, "No space left"), 2, "No space left"),
+        (KeyboardInterrupt(), 130, "footfall: interrupted\n"),
+        (BrokenPipeError(32, "Broken pipe"), 141, ""), (SystemExit(1), 141, ""),
+    ],
+)  # fmt: skip
+def test_a_result_sets_status_and_last_line(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, verb: Callable | BaseException, status: int, result: str
+) -> None:
+    def app(*_: Any, **__: Any) -> Any:
+        if isinstance(verb, BaseException):
+            raise verb
+        return verb()
 
-        monkeypatch.setattr(cli, "app", app)
-        outcome = shell("train")
-        assert outcome.status == status
-        assert result in outcome.err
-        assert outcome.err.count("\n") == (1 if result else 0)
+    monkeypatch.setattr(cli, "app", app)
+    outcome = shell("train")
+    assert outcome.status == status
+    assert result in outcome.err
+    assert outcome.err.count("\n") == (1 if result else 0)
 
-    def test_an_unexpected_exception_keeps_its_traceback(
-        self, shell: Shell, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.setattr(cli, "app", lambda *_, **__: 1 / 0)
-        with pytest.raises(ZeroDivisionError):
-            shell("train")
 
-    @pytest.mark.parametrize(
-        ("error", "status"), [(BrokenPipeError(), 141), (OSError(28, "No space left on device"), 2)]
-    )
-    def test_output_that_reaches_no_reader_is_noticed_before_the_end(
-        self, monkeypatch: pytest.MonkeyPatch, error: OSError, status: int
-    ) -> None:
-        """Printed text may stay in a buffer until the process ends; its failure would appear too late."""
+def test_an_unexpected_exception_keeps_its_traceback(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli, "app", lambda *_, **__: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        shell("train")
 
-        class Pipe(io.StringIO):
-            def flush(self) -> None:
-                raise error
 
-        monkeypatch.setattr(cli, "app", lambda *_, **__: 0)
-        monkeypatch.setattr(sys, "stdout", Pipe())
-        assert cli.main(["doctor"]) == status
+@pytest.mark.parametrize(
+    ("error", "status"), [(BrokenPipeError(), 141), (OSError(28, "No space left on device"), 2)]
+)
+def test_output_that_reaches_no_reader_is_noticed_before_the_end(
+    monkeypatch: pytest.MonkeyPatch, error: OSError, status: int
+) -> None:
+    """Printed text may stay in a buffer until the process ends; its failure would appear too late."""
 
-    def test_sigterm_lets_a_verb_close_its_resources(
-        self, shell: Shell, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        """`timeout` sends SIGTERM twice; the second one arrives while the verb closes what it opened."""
-        closed: list[str] = []
+    class Pipe(io.StringIO):
+        def flush(self) -> None:
+            raise error
 
-        def verb(*_: object, **__: object) -> None:
-            try:
-                signal.raise_signal(signal.SIGTERM)
-            finally:
-                signal.raise_signal(signal.SIGTERM)
-                closed.append("pool")
+    monkeypatch.setattr(cli, "app", lambda *_, **__: 0)
+    monkeypatch.setattr(sys, "stdout", Pipe())
+    assert cli.main(["doctor"]) == status
 
-        before = signal.getsignal(signal.SIGTERM)
-        monkeypatch.setattr(cli, "app", verb)
-        outcome = shell("train")
-        assert (outcome.status, outcome.err) == (143, "footfall: terminated\n")
-        assert closed == ["pool"]
-        assert signal.getsignal(signal.SIGTERM) is before
 
-    def test_an_unknown_option_differs_from_a_misspelt_option(self, shell: Shell) -> None:
-        assert "--seed" in shell.refuses("train", "--sed", "3")
-        assert "--episodes" in shell.refuses("evaluate", "stand", "--epsiodes=3")
-        assert "--set KEY=VALUE" in shell.refuses("train", "--terrain", "rough")
+def test_sigterm_lets_a_verb_close_its_resources(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`timeout` sends SIGTERM twice; the second one arrives while the verb closes what it opened."""
+    closed: list[str] = []
+
+    def verb(*_: object, **__: object) -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        finally:
+            signal.raise_signal(signal.SIGTERM)
+            closed.append("pool")
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(cli, "app", verb)
+    outcome = shell("train")
+    assert (outcome.status, outcome.err) == (143, "footfall: terminated\n")
+    assert closed == ["pool"]
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_an_unknown_option_differs_from_a_misspelt_option(shell: Shell) -> None:
+    assert "--seed" in shell.refuses("train", "--sed", "3")
+    assert "--episodes" in shell.refuses("evaluate", "stand", "--epsiodes=3")
+    assert "--set KEY=VALUE" in shell.refuses("train", "--terrain", "rough")
 
 
 class TestSmallVerbs:
