@@ -1,8 +1,20 @@
 """Settings of the base estimator: noise figures are standard deviations."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
-from footfall.common.config import require_not_negative, require_ordered, require_positive
+from footfall.common.config import require_between, require_ordered
+
+# Squares of numbers in this range, and products of such squares, are finite and above 0.
+SMALLEST, LARGEST = 1e-12, 1e12
+
+
+def _require_positive(config: Any, *names: str) -> None:
+    require_between(config, SMALLEST, LARGEST, *names)
+
+
+def _require_not_negative(config: Any, *names: str) -> None:
+    require_between(config, 0.0, LARGEST, *names)
 
 
 @dataclass(frozen=True)
@@ -22,9 +34,9 @@ class ContactConfig:
         require_ordered(self, "force_share")
         if self.force_share[0] == self.force_share[1]:
             raise ValueError("force_share must rise from its first number to its second")
-        require_positive(self, "force_filter_s", "rise_s", "carried_share", "level_m")
-        require_positive(self, "sensor_error_share", "sensor_filter_s")
-        require_not_negative(self, "sensor_trial_s")
+        _require_positive(self, "force_filter_s", "rise_s", "carried_share", "level_m")
+        _require_positive(self, "sensor_error_share", "sensor_filter_s")
+        _require_not_negative(self, "sensor_trial_s")
 
 
 @dataclass(frozen=True)
@@ -41,7 +53,7 @@ class AttitudeConfig:
     legs_bias_hz: float = 0.7  # rate at which a tilt correction by stance legs changes the gyro bias
 
     def __post_init__(self) -> None:
-        require_positive(self, *self.__dataclass_fields__)
+        _require_positive(self, *self.__dataclass_fields__)
 
 
 @dataclass(frozen=True)
@@ -52,7 +64,7 @@ class GyroConfig:
     bias_half_s: float = 0.2  # time at which the weight is 50 %: noise of the orientation over the usual bias
 
     def __post_init__(self) -> None:
-        require_positive(self, "bias_filter_s", "bias_half_s")
+        _require_positive(self, "bias_filter_s", "bias_half_s")
 
 
 @dataclass(frozen=True)
@@ -70,7 +82,7 @@ class FilterConfig:
     push_filter_s: float = 0.01  # time constant of that difference
 
     def __post_init__(self) -> None:
-        require_positive(
+        _require_positive(
             self,
             "acceleration_noise",
             "leg_velocity_noise",
@@ -79,7 +91,7 @@ class FilterConfig:
             "push_m_s",
             "push_filter_s",
         )
-        require_not_negative(self, "acceleration_change", "acceleration_bias", "acceleration_bias_drift")
+        _require_not_negative(self, "acceleration_change", "acceleration_bias", "acceleration_bias_drift")
 
 
 @dataclass(frozen=True)
@@ -101,11 +113,11 @@ class OdometryConfig:
     latency_filter_s: float = 0.1  # averaging time of velocity changes during this delay
 
     def __post_init__(self) -> None:
-        require_positive(self, "height_noise", "height_filter_s", "latency_filter_s")
-        require_not_negative(
+        _require_positive(self, "height_noise", "height_filter_s", "latency_filter_s")
+        _require_not_negative(
             self, "orientation_noise", "yaw_drift", "scale_error", "climb_error", "slip", "fall_m"
         )
-        require_not_negative(self, "creep_m_s", "sink_m_s", "latency_s")
+        _require_not_negative(self, "creep_m_s", "sink_m_s", "latency_s")
 
 
 @dataclass(frozen=True)

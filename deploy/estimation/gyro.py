@@ -48,7 +48,8 @@ class GyroBias:
             ty = w * qy + x * qz - y * qw - z * qx
             tz = w * qz - x * qy + y * qx - z * qw
             rate = math.copysign(2.0, real) / dt_s
-            self._time_s = time_s = min(self._time_s + dt_s, self._config.bias_filter_s)
+            # At least one step: a shorter averaging time would weight the readings by more than one.
+            self._time_s = time_s = max(min(self._time_s + dt_s, self._config.bias_filter_s), dt_s)
             share, (mx, my, mz) = dt_s / time_s, self._mean
             mx += share * (0.5 * (gx + gyro[0]) - rate * tx - mx)
             my += share * (0.5 * (gy + gyro[1]) - rate * ty - my)

@@ -92,8 +92,8 @@ def test_settings_of_the_estimator_are_not_negative_and_divisors_above_zero() ->
     for settings, names, zero in ESTIMATOR:
         for name in names.split():
             assert refused(settings, name, 0.0) is not zero, name
-            values = (-1e-9, math.inf, 1e-9)
-            assert [refused(settings, name, value) for value in values] == [True, True, False], name
+            values = (-1e-9, math.inf, 1e300, 1e-9)  # the square of 1e300 is infinite
+            assert [refused(settings, name, value) for value in values] == [True, True, True, False], name
 
 
 def test_torque_hidden_is_below_torque_much() -> None:

@@ -41,6 +41,11 @@ def test_the_bias_does_not_rotate_with_the_orientation(rate: np.ndarray) -> None
     assert estimator.bias == pytest.approx(BIAS.tolist(), abs=1e-3)
 
 
+def test_an_averaging_time_below_one_step_is_one_step() -> None:
+    short, step = (GyroBias(GyroConfig(bias_filter_s=time_s)) for time_s in (1e-6, DT_S))
+    assert follow(short, np.zeros(3), 0.2, noise=1e-6) == follow(step, np.zeros(3), 0.2, noise=1e-6)
+
+
 def test_acceleration_is_no_bias() -> None:
     """Between two readings the robot turns by their mean: from 0 to 10 rad/s in half a second."""
     estimator, quaternion = GyroBias(GyroConfig()), turn(np.zeros(3))
