@@ -30,6 +30,7 @@ import numpy as np
 import yaml
 from fuzz_frames import ROBOT, fuzz_frames
 from fuzz_tally import Tally
+from mutate import mutated, mutated_records, mutated_yaml, with_a_change
 from resumable_runs import add_options, run_resumable
 
 import footfall.policies
@@ -52,9 +53,6 @@ from footfall.policies.policy import PolicyInput, Sensed
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 from footfall.train.config import PRESETS, load_preset
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
-from mutate import mutated, mutated_records, mutated_yaml, with_a_change
 
 POLICY = "go1-flat"
 ZOO = Path(footfall.policies.__file__).parent / "zoo"

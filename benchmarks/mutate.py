@@ -1,11 +1,19 @@
 """Damaged files, drawn from a seed."""
 
 import io
+from typing import Any
 
 import numpy as np
+import yaml
 from mcap.records import Channel, DataEnd, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
+
+NASTY: tuple[Any, ...] = (
+    *(None, True, 0, 1, -1, 10**30, -1e-300, 1e308, float("nan"), float("inf"), -float("inf")),
+    *("", "text", "1e400", "../..", "\0", "a\nb", "2026-02-30"),
+    *([], {}, [[]], [1, 2], ["a"], {"a": 1}, [None], [float("nan")] * 3),
+)
 
 
 def mutated(content: bytes, rng: np.random.Generator) -> bytes:
@@ -60,3 +68,32 @@ def mutated_records(content: bytes, rng: np.random.Generator) -> bytes:
             break
     writer.finish()
     return output.getvalue()
+
+
+def mutated_yaml(content: bytes, rng: np.random.Generator) -> bytes:
+    """Settings with up to three values replaced, removed or added; in one of four the bytes are changed."""
+    if rng.integers(4) == 0:
+        return mutated(content, rng)
+    data = yaml.safe_load(content)
+    for _ in range(int(rng.integers(1, 4))):
+        data = with_a_change(data, rng)
+    return yaml.safe_dump(data).encode()
+
+
+def with_a_change(data: Any, rng: np.random.Generator) -> Any:
+    """Plain data with one random value changed, at any depth."""
+    deeper = isinstance(data, dict | list) and len(data) > 0 and rng.integers(8) > 0
+    if not deeper:
+        return NASTY[int(rng.integers(len(NASTY)))]
+    keys = list(data) if isinstance(data, dict) else range(len(data))
+    key, kind = keys[int(rng.integers(len(keys)))], int(rng.integers(12))
+    changed = data.copy()
+    if kind == 0:
+        del changed[key]
+    elif kind == 1 and isinstance(changed, dict):
+        changed["nobody_knows_this"] = data[key]
+    elif kind == 1:
+        changed.append(data[key])
+    else:
+        changed[key] = with_a_change(data[key], rng)
+    return changed
