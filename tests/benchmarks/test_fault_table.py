@@ -156,19 +156,12 @@ def test_rows_have_the_share_in_time_and_the_failures() -> None:
     assert (published["as_expected"], published["reason"]) == (False, "missed")
 
 
-@pytest.mark.parametrize(
-    ("title", "final_state", "message"),
-    [
-        ("one motor silent, getting up", "ESTOP", "no reply from"),
-        ("policy interrupted at its deadline, getting up", "ESTOP", "the policy ran late"),
-    ],
-)
-def test_a_robot_that_gets_up_is_damped_after_a_fault(title: str, final_state: str, message: str) -> None:
-    run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
+def test_a_robot_that_gets_up_is_damped_after_a_fault() -> None:
+    run = fault_runs.run_fault(FaultTask("go1", "go1-flat", "one motor silent, getting up", 1))
     assert run["detected"]
-    assert message in run["fault"]
+    assert "no reply from" in run["fault"]
     assert run["seconds"] < 0.06
-    assert (run["final_state"], run["stiff"], run["stiff_when_damped"]) == (final_state, True, False)
+    assert (run["final_state"], run["stiff"], run["stiff_when_damped"]) == ("ESTOP", True, False)
 
 
 def test_on_rough_ground_the_ground_is_the_scenarios(go1: Robot) -> None:
@@ -180,12 +173,3 @@ def test_on_rough_ground_the_ground_is_the_scenarios(go1: Robot) -> None:
     assert abs(low.heights).max() < 0.5 * abs(high.heights).max()
     run = fault_runs.run_fault(FaultTask("go1", "go1-rough", "IMU silent", 3, "rough"))
     assert (run["detected"], run["ground"]) == (True, "rough")
-
-
-def test_a_robot_with_a_battery_lies_down_in_time() -> None:
-    title = "battery's voltage reads 0.5 V a cell too low"
-    run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 1))
-    assert "from what its charge implies" in run["fault"]
-    assert run["seconds"] < 2.0
-    assert (run["final_state"], run["fell"], run["stiff_when_damped"]) == ("ESTOP", False, False)
-    assert run["torque_over"] < fault_rows.ROUNDING
