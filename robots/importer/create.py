@@ -105,22 +105,9 @@ def import_robot(request: ImportRequest) -> Imported:
     protocols, beyond = choose_protocols(machine, drive, request.protocols, (walking.kp, walking.kd))
     touching = _touching_links(model, qpos)
     paired, leg_pairs = with_leg_pairs(machine, pose)
-    if len(machine.legs) == BIPED_LEGS and pose.knees_forward_m < 0.0:
-        guesses.append(
-            f"the knees bend backward: does x of '{machine.links[0].name}' point forward (--forward)?"
-        )
     guesses += [*published.sources, *armature_guesses, *drive.guesses]
     guesses += _beyond_rated(names, standing.torque_nm, published.rated_torque_nm)
-    if pose.given:
-        guesses.append("default pose: of the file's keyframe, the base level")
-    else:
-        folded = " (the file's keyframe folds the legs)" if source.pose_rad else ""
-        guesses.append(f"default pose: knees bent, centre of mass above the feet{folded}")
-    if not machine.stands_still:
-        guesses.append("start: held up until it steps in place, since it cannot stand still on two points")
-    guesses.append("bus, id and protocol of each motor are placeholders, and so is the IMU's bus")
-    if beyond:
-        guesses.append(f"no protocol has the ranges of {shortened(beyond)}: the widest was taken")
+    guesses += _about_pose(machine, pose, folded=bool(source.pose_rad)) + _about_wiring(beyond)
     if touching:
         guesses.append(f"{len(touching)} pairs of links that overlap in the default pose do not collide")
     guesses.append(_about_leg_pairs(leg_pairs))
@@ -165,6 +152,36 @@ def _beyond_rated(joints: Sequence[str], torque_nm: np.ndarray, rated: ByJoint) 
         if (limit := value_for(joint, rated)) is not None and abs(torque) > limit
     ]
     return [f"motors stand beyond their rated torque: {shortened(found)}"] if found else []
+
+
+def _about_pose(machine: Machine, pose: Pose, *, folded: bool) -> list[str]:
+    """Lines about the default pose.
+
+    Args:
+        machine, pose: robot and its default pose.
+        folded: whether the source has a keyframe, which folds the legs unless the pose is of it.
+    """
+    lines = []
+    if len(machine.legs) == BIPED_LEGS and pose.knees_forward_m < 0.0:
+        lines.append(
+            f"the knees bend backward: does x of '{machine.links[0].name}' point forward (--forward)?"
+        )
+    if pose.given:
+        lines.append("default pose: of the file's keyframe, the base level")
+    else:
+        keyframe = " (the file's keyframe folds the legs)" if folded else ""
+        lines.append(f"default pose: knees bent, centre of mass above the feet{keyframe}")
+    if not machine.stands_still:
+        lines.append("start: held up until it steps in place, since it cannot stand still on two points")
+    return lines
+
+
+def _about_wiring(beyond: Sequence[str]) -> list[str]:
+    """Lines about buses and protocols; `beyond` are joints whose ranges no protocol has."""
+    lines = ["bus, id and protocol of each motor are placeholders, and so is the IMU's bus"]
+    if beyond:
+        lines.append(f"no protocol has the ranges of {shortened(beyond)}: the widest was taken")
+    return lines
 
 
 def _about_leg_pairs(pairs: Sequence[tuple[str, str]]) -> str:
