@@ -132,10 +132,10 @@ def main() -> None:
     for walk in WALKS:
         found = errors(walk, options.seed)
         rms, legs = (math.degrees(np.sqrt(np.mean(tilt**2))) for tilt in (found.tilt, found.tilt_by_legs))
-        most, drift = np.degrees([found.tilt.max(), found.yaw[-1] - found.yaw[0]])
+        largest, drift = np.degrees([found.tilt.max(), found.yaw[-1] - found.yaw[0]])
         print(
             f"| {walk.robot} | {walk.policy} | {walk.forward_m_s:g} | {walk.pushes} |"
-            f" {'yes' if found.fell else 'no'} | {rms:.2f} | {most:.2f} | {drift:.1f} | {legs:.2f} |",
+            f" {'yes' if found.fell else 'no'} | {rms:.2f} | {largest:.2f} | {drift:.1f} | {legs:.2f} |",
             flush=True,
         )
 

@@ -94,10 +94,10 @@ class Wires:
             driver.disable(),
             driver.query_settings(),
         ]
-        speaking, zeros, on = np.ones(n, bool), np.zeros((3, n)), np.ones(n, bool)
+        connected, zeros, on = np.ones(n, bool), np.zeros((3, n)), np.ones(n, bool)
         error = np.zeros(n, np.uint64)
         replies = end.reply(slice(None), Report(zeros, error, on))
-        broadcasts = [end.broadcast(1000 * k, speaking, Report(zeros, error, on)) for k in range(100)]
+        broadcasts = [end.broadcast(1000 * k, connected, Report(zeros, error, on)) for k in range(100)]
         from_motors = [replies, *(frames for frames in broadcasts if frames is not None)]
         settings = end.settings_replies(driver.query_settings())
         from_motors += [] if settings is None else [settings]

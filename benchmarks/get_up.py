@@ -4,11 +4,11 @@
 
 Each drop: a randomised robot is pushed over. While the loop damps it, it is dropped from 0.3 m in any
 attitude, with any joint positions inside its limits, and lies for 1.5 s. Then it gets up, as with
-`deploy --recover`. It stands from the first moment on at which for half a second its base is within 0.2 rad
-of upright and within 15 % of the standing height, and no joint is faster than 1 rad/s. Times begin with
-RECOVERING; the first try counts.
+`deploy --recover`. It stands once, for half a second, its base is within 0.2 rad of upright and within
+15 % of the standing height, and no joint is faster than 1 rad/s. Times begin with RECOVERING; only the
+first try is measured.
 
-A robot that no push turns over is laid on its side in the air instead, with `--tip`.
+With `--tip` the robot is laid on its side in the air instead, for robots that no push tips over.
 
 With `--slope-deg` the ground slopes from the drop on, by up to this angle in any direction. A robot then
 counts as upright by gravity or by the slope, and its height is measured above the slope.
@@ -178,7 +178,7 @@ def _feet(robot: Robot) -> set[str]:
     return {name for foot in robot.description.feet for name in foot.geoms}
 
 
-def one(robot_name: str, policy: str, slope_rad: float, tips: bool, seed: int) -> Result:
+def run_drop(robot_name: str, policy: str, slope_rad: float, tips: bool, seed: int) -> Result:
     """Drop once."""
     robot, rng = _robot(robot_name), np.random.default_rng([seed, 1])
     drop, angle = Drop(robot, seed, slope_rad, tips), rng.uniform(0.0, 2.0 * np.pi)
@@ -214,7 +214,7 @@ def main() -> None:
     options = parser.parse_args()
     seeds = range(options.seed, options.seed + options.drops)
     with ProcessPoolExecutor(options.workers) as pool:
-        drop = partial(one, options.robot, options.policy, np.radians(options.slope_deg), options.tip)
+        drop = partial(run_drop, options.robot, options.policy, np.radians(options.slope_deg), options.tip)
         tried = list(pool.map(drop, seeds, chunksize=4))
     found = [r for r in tried if r.tilt_rad is not None]
     drops = len(found)

@@ -61,7 +61,7 @@ class Target:
     """Limit of a quantity's error."""
 
     unit: str
-    most: float
+    limit: float
     per_unit: float  # factor from the quantity's unit to the error's unit
     relative: bool
 
@@ -189,11 +189,11 @@ def summary(outcomes: list[Outcome]) -> dict:
         inside = [abs(each) <= 1.0 for outcome in outcomes for each in outcome.off.get(name, [])]
         rows[name] = {
             "unit": target.unit,
-            "target": target.most,
+            "target": target.limit,
             "told": len(sizes),
             "median": float(np.median(sizes)) if len(sizes) else None,
             "worst": float(sizes.max(initial=0.0)),
-            "within": float((sizes <= target.most).mean()) if len(sizes) else None,
+            "within": float((sizes <= target.limit).mean()) if len(sizes) else None,
             "covered": float(np.mean(inside)) if inside else None,
         }
     covered = [abs(each) <= 1.0 for outcome in outcomes for off in outcome.off.values() for each in off]

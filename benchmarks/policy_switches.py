@@ -34,21 +34,21 @@ class Switcher:
 
     stopped = None
 
-    def __init__(self, names: tuple[str, str], most: np.ndarray, rng: np.random.Generator) -> None:
-        self._names, self._most, self._rng = names, most, rng
+    def __init__(self, names: tuple[str, str], max_command: np.ndarray, rng: np.random.Generator) -> None:
+        self._names, self._max_command, self._rng = names, max_command, rng
         self.took_s: dict[str, list[float]] = {name: [] for name in names}  # by the policy that takes over
-        self._asked_s: float | None = None
+        self._requested_s: float | None = None
         self._request = Request(np.zeros(3))
         self._walk(0.0, names[0])
 
     def poll(self, status: Status) -> Request:
         now_s = status.walking_s
-        if self._asked_s is None:
+        if self._requested_s is None:
             if now_s >= self._next_s:
-                self._asked_s = now_s
+                self._requested_s = now_s
                 self._request = self._request._replace(policy=self._other)
         elif status.policy == self._other:
-            self.took_s[status.policy].append(now_s - self._asked_s)
+            self.took_s[status.policy].append(now_s - self._requested_s)
             self._walk(now_s, status.policy)
         return self._request
 
@@ -57,17 +57,19 @@ class Switcher:
         return sum(map(len, self.took_s.values())) >= SWITCHES
 
     def _walk(self, now_s: float, policy: str) -> None:
-        self._asked_s = None
+        self._requested_s = None
         self._other = next(name for name in self._names if name != policy)
         self._next_s = now_s + self._rng.uniform(*BETWEEN_S)
-        self._request = Request(self._most * self._rng.uniform([-0.5, -1.0, -1.0], 1.0))
+        self._request = Request(self._max_command * self._rng.uniform([-0.5, -1.0, -1.0], 1.0))
 
 
-def episode(robot_name: str, pair: tuple[str, str], most: tuple[float, ...], seed: int) -> dict[str, Any]:
+def episode(
+    robot_name: str, pair: tuple[str, str], max_command: tuple[float, ...], seed: int
+) -> dict[str, Any]:
     """One walk with `SWITCHES` switches, or until a fall."""
     robot = load_robot(robot_name)
     first, second = (load_policy(name, robot) for name in pair)
-    source = Switcher(pair, np.array(most), np.random.default_rng(seed))
+    source = Switcher(pair, np.array(max_command), np.random.default_rng(seed))
     config = deploy_config(robot)
     fastest_rad, before = 0.0, robot.default_pose
 
@@ -102,17 +104,19 @@ def episode(robot_name: str, pair: tuple[str, str], most: tuple[float, ...], see
     }
 
 
-def measure(robot: str, pair: tuple[str, str], most: tuple[float, ...], switches: int, workers: int) -> dict:
+def measure(
+    robot: str, pair: tuple[str, str], max_command: tuple[float, ...], switches: int, workers: int
+) -> dict:
     """Switches of a pair, at least `switches` in each direction."""
     seeds = range(-(-2 * switches // SWITCHES))
     with ProcessPoolExecutor(workers) as pool:
-        found = list(pool.map(partial(episode, robot, pair, most), seeds))
+        found = list(pool.map(partial(episode, robot, pair, max_command), seeds))
     took = {name: [time for each in found for time in each["took_s"][name]] for name in pair}
     every = [time for times in took.values() for time in times]
     return {
         "robot": robot,
         "pair": pair,
-        "command": most,
+        "command": max_command,
         "switches": {f"to {name}": len(times) for name, times in took.items()},
         "falls": sum(each["fell"] for each in found),
         "faults": [fault for each in found for fault in each["faults"]],
@@ -133,8 +137,12 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
     first, second = given.pair.split(",")
-    most = tuple(float(part) for part in given.command.split(","))
-    print(json.dumps(measure(given.robot, (first, second), most, given.switches, given.workers), indent=1))
+    max_command = tuple(float(part) for part in given.command.split(","))
+    print(
+        json.dumps(
+            measure(given.robot, (first, second), max_command, given.switches, given.workers), indent=1
+        )
+    )
 
 
 if __name__ == "__main__":

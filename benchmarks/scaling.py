@@ -47,8 +47,8 @@ def main() -> None:
             {
                 "devices": count,
                 "steps_per_s": rate,
-                "least": slowest,
-                "most": fastest,
+                "min": slowest,
+                "max": fastest,
                 "efficiency": efficiency,
             }
         )

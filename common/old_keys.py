@@ -6,6 +6,7 @@ from typing import Any
 # Old key to today's key, after its parent's key and a dot where the key alone could belong to something else.
 # A key of a file's top level begins with the dot.
 CURRENT_KEYS = {
+    "inertia_doubt": "inertia_uncertainty",
     "least_height_share": "min_height_share",
     "least_leg_share": "min_leg_share",
     "least_rad": "min_rad",

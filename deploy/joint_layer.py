@@ -54,7 +54,7 @@ class JointLayer:
         self.sent = np.zeros_like(self._encodable)  # last command, before rounding in a frame
         self._sent_before = self.sent  # previous command
         self._commanded_ticks = 0  # number of commands since `take_torque_range`
-        self._least = self._most = self._target  # extreme torques of these commands, N m
+        self._min_torque = self._max_torque = self._target  # extreme torques of these commands, N m
 
     # -- out -----------------------------------------------------------------------------------------
 
@@ -99,10 +99,10 @@ class JointLayer:
             self._arrived = not np.count_nonzero(self._target != self._goal)
         frames = self._send(self._clamped(self._encodable, self._weaker))
         if self._commanded_ticks:
-            np.minimum(self._least, self._possible, out=self._least)
-            np.maximum(self._most, self._possible, out=self._most)
+            np.minimum(self._min_torque, self._possible, out=self._min_torque)
+            np.maximum(self._max_torque, self._possible, out=self._max_torque)
         else:
-            self._least, self._most = self._possible.copy(), self._possible.copy()
+            self._min_torque, self._max_torque = self._possible.copy(), self._possible.copy()
         self._commanded_ticks += 1
         return frames
 
@@ -112,7 +112,7 @@ class JointLayer:
         Returns:
             Two arrays (n,), N m; None if there was no command.
         """
-        extremes = (self._least, -self._most) if self._commanded_ticks else None
+        extremes = (self._min_torque, -self._max_torque) if self._commanded_ticks else None
         self._commanded_ticks = 0
         return extremes
 

@@ -92,12 +92,12 @@ class Actuation:
         lag = None if motor.lag_s is None else lag_over(motor.lag_s, self._timestep_s)
         return Drive(targets, command.kp, command.kd, motor, zeros if bias is None else bias, lag)
 
-    def winding_at_first(self, sample: Sample) -> jax.Array | None:
+    def initial_winding(self, sample: Sample) -> jax.Array | None:
         """Temperatures before an episode, degrees Celsius, (n,); None without a thermal model."""
         winding = randomised_winding(self._winding, sample)
         return None if winding is None else winding.start_c
 
-    def winding_after(
+    def next_winding(
         self, winding_c: jax.Array | None, torque: jax.Array, sample: Sample
     ) -> jax.Array | None:
         """Temperatures after a control step, degrees Celsius, (n,); None without a thermal model.

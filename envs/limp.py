@@ -29,7 +29,7 @@ def stiffness(state: State, kp: jax.Array) -> jax.Array:
     return kp if state.limp_steps is None else kp * (state.limp_steps <= 0)
 
 
-def one_step_less(state: State) -> State:
+def countdown(state: State) -> State:
     """The state with one limp step less."""
     if state.limp_steps is None:
         return state

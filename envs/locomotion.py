@@ -21,7 +21,7 @@ from footfall.envs.contract import make_contract
 from footfall.envs.disturb import Disturbances
 from footfall.envs.feet import Feet
 from footfall.envs.lateness import Lateness
-from footfall.envs.limp import one_step_less, stiffness, while_limp
+from footfall.envs.limp import countdown, stiffness, while_limp
 from footfall.envs.metrics import tracking_metrics
 from footfall.envs.observe import Observer
 from footfall.envs.physics.engines import ENGINES, make_engine
@@ -152,7 +152,7 @@ class LocomotionEnv:
             terms={},
             lagged_torque=self.actuation.no_torque(sample),
             net_memory=self.actuation.no_memory,
-            winding_c=self.actuation.winding_at_first(sample),
+            winding_c=self.actuation.initial_winding(sample),
             lateness_s=self.lateness.before(sample),
             supply=self.supply.at_rest(sample),
         )
@@ -179,7 +179,7 @@ class LocomotionEnv:
         diverged = ~(jnp.all(jnp.isfinite(state.qpos)) & jnp.all(jnp.abs(state.qvel) < config.speed_limit))
         frequency_hz = config.gait.frequency_hz if config.gait else 0.0
         phase = (state.phase + frequency_hz * self.period_s) % 1.0
-        state = one_step_less(state)._replace(steps=state.steps + 1, phase=phase)
+        state = countdown(state)._replace(steps=state.steps + 1, phase=phase)
 
         state = self.terrain.moved(state, trace)
         state, data, values = self._evaluate(state, self.step_data(state, trace))
@@ -215,7 +215,7 @@ class LocomotionEnv:
         end, trace = self.engine.simulate(start, drive, state.fields | self.terrain.fields(state))
         speeds = jnp.concatenate([state.qvel[None], trace.qvel])[:, self.scene.dofs]
         supply = self.supply.under_load(state.sample, trace.torque, speeds)
-        winding_c = self.actuation.winding_after(state.winding_c, trace.torque, state.sample)
+        winding_c = self.actuation.next_winding(state.winding_c, trace.torque, state.sample)
         state = state._replace(**end._asdict(), target=targets[-1], supply=supply, winding_c=winding_c)
         return state, trace
 

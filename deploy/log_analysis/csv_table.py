@@ -11,7 +11,7 @@ from footfall.common.errors import UserError
 
 ALL = "all"  # key for all joints without their own entry
 
-DELIMITERS = ",;\t"  # spreadsheets write the second where a comma is in their numbers
+DELIMITERS = ",;\t"  # spreadsheets use semicolons where the decimal separator is a comma
 
 Column = str | float
 """Name of a column, or a constant."""
@@ -76,7 +76,7 @@ def read_table(path: Path) -> CsvTable:
         UserError: it cannot be read, or is empty.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:  # a spreadsheet may begin with a mark
+        with path.open(newline="", encoding="utf-8-sig") as file:  # a file may begin with a byte order mark
             first = file.readline()
             file.seek(0)
             rows = [row for row in csv.reader(file, delimiter=max(DELIMITERS, key=first.count)) if row]

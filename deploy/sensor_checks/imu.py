@@ -188,11 +188,11 @@ class LateralError(_MeanAcceleration):
 
     def measure(self, window: BodyWindow) -> float:
         ahead, left, up = window.acceleration
-        share = min(1.0, self._most() * GRAVITY_M_S2 / max(math.hypot(ahead, left), 1e-9))
+        share = min(1.0, self._max_value() * GRAVITY_M_S2 / max(math.hypot(ahead, left), 1e-9))
         ahead, left, _ = self._updated(window._replace(acceleration=[share * ahead, share * left, up]))
         return math.hypot(ahead, left) / GRAVITY_M_S2
 
-    def _most(self) -> float:
+    def _max_value(self) -> float:
         """Largest value of a window, relative to gravity."""
         return 1.0
 
@@ -208,7 +208,7 @@ class LongLateralError(LateralError):
     quantity = "the same over seconds: an attitude that drifts slowly, with a gyro that agrees"
     limit = Limit("long_lateral_error")
 
-    def _most(self) -> float:
+    def _max_value(self) -> float:
         return 2.0 * self._limits.long_lateral_error
 
 

@@ -50,8 +50,8 @@ class TorqueLimits(Memory):
 
 def _certain(window: JointWindow, limits: TorqueLimits) -> np.ndarray:
     """Part of the expected torque beyond the effect of a reading's error, N m, (n,)."""
-    doubt = window.stiffness * (limits.reading_rad + limits.lag_s * window.speed)
-    return np.maximum(np.abs(window.expected) - doubt, 0.0)
+    uncertainty = window.stiffness * (limits.reading_rad + limits.lag_s * window.speed)
+    return np.maximum(np.abs(window.expected) - uncertainty, 0.0)
 
 
 class NoTorque(JointCheck):

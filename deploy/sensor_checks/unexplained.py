@@ -70,9 +70,13 @@ class Unexplained(JointCheck):
         self._commanded = commanded[:, 1 - self._looks :]
         smallest, minus_largest = _smallest_of_last(commanded, self._looks)
         lag_rad = limits.reading_rad + limits.lag_s * window.speed
-        doubt = limits.torque_hidden * self._peak + window.stiffness * lag_rad
-        doubt = doubt - limits.strength_share * np.minimum(np.minimum(smallest, minus_largest), 0.0)
-        beyond: np.ndarray = np.maximum(window.torques + minus_largest, smallest - window.torques) - doubt
+        uncertainty = limits.torque_hidden * self._peak + window.stiffness * lag_rad
+        uncertainty = uncertainty - limits.strength_share * np.minimum(
+            np.minimum(smallest, minus_largest), 0.0
+        )
+        beyond: np.ndarray = (
+            np.maximum(window.torques + minus_largest, smallest - window.torques) - uncertainty
+        )
         return beyond
 
     def measure(self, window: JointWindow) -> np.ndarray:

@@ -61,10 +61,10 @@ class MixedMotorEnd:
             batches.append(end.reply(self._own[motor[rows]], report.take(rows)))
         return joined(batches)
 
-    def broadcast(self, now_us: int, speaking: np.ndarray, report: Report) -> Frames | None:
+    def broadcast(self, now_us: int, connected: np.ndarray, report: Report) -> Frames | None:
         return _joined(
             [
-                end.broadcast(now_us, speaking[joints], report.take(joints))
+                end.broadcast(now_us, connected[joints], report.take(joints))
                 for end, joints in self._parts
                 if end.broadcasts
             ]

@@ -96,12 +96,12 @@ class MotorEnd(Protocol):
         """
         ...
 
-    def broadcast(self, now_us: int, speaking: np.ndarray, report: Report) -> Frames | None:
+    def broadcast(self, now_us: int, connected: np.ndarray, report: Report) -> Frames | None:
         """Frames that motors send without a request in the millisecond that begins now; None: no frames.
 
         Args:
             now_us: simulated time.
-            speaking: (n,) bool, which motors are connected.
+            connected: (n,) bool, which motors are connected.
             report: the state of all motors.
         """
         ...
@@ -128,7 +128,7 @@ class PolledMotorEnd:
     def settings_replies(self, frames: Frames) -> Frames | None:
         return None
 
-    def broadcast(self, now_us: int, speaking: np.ndarray, report: Report) -> Frames | None:
+    def broadcast(self, now_us: int, connected: np.ndarray, report: Report) -> Frames | None:
         return None
 
 

@@ -74,9 +74,9 @@ class OdriveMotorEnd:
         self.mode[motor[sets_mode]] = words[sets_mode]
         axes = motor[sets_gain]
         self.damping[axes] = first[sets_gain] * self._gear[axes] / self._per_turn[axes]
-        obeyed = ~(sets_mode | sets_gain) & np.isfinite(first) & np.isfinite(second)
-        obeyed &= (message != odrive.TORQUE) | (self.mode[motor] == odrive.TORQUE_CONTROL).all(axis=1)
-        motor, message, first, second = motor[obeyed], message[obeyed], first[obeyed], second[obeyed]
+        accepted = ~(sets_mode | sets_gain) & np.isfinite(first) & np.isfinite(second)
+        accepted &= (message != odrive.TORQUE) | (self.mode[motor] == odrive.TORQUE_CONTROL).all(axis=1)
+        motor, message, first, second = motor[accepted], message[accepted], first[accepted], second[accepted]
         values = np.zeros((5, len(motor)))
         by_torque, by_velocity = message == odrive.TORQUE, message == odrive.VELOCITY
         values[4] = np.select([by_torque, by_velocity], [first, second]) * self._gear[motor]
@@ -85,7 +85,7 @@ class OdriveMotorEnd:
         closes = by_velocity & (self.mode[motor] == odrive.VELOCITY_CONTROL).all(axis=1)
         values[1] = closes * first * self._per_turn[motor]
         values[3] = closes * self.damping[motor]
-        state = np.where(words[obeyed, 0] == odrive.CLOSED_LOOP, Request.ENABLE, Request.DISABLE)
+        state = np.where(words[accepted, 0] == odrive.CLOSED_LOOP, Request.ENABLE, Request.DISABLE)
         kinds = [
             int(switched) if (kind := _KIND[each]) is None else int(kind)
             for each, switched in zip(message.tolist(), state.tolist(), strict=True)
@@ -117,20 +117,20 @@ class OdriveMotorEnd:
         """No frames: only reads are answered."""
         return no_frames()
 
-    def broadcast(self, now_us: int, speaking: np.ndarray, report: Report) -> Frames | None:
+    def broadcast(self, now_us: int, connected: np.ndarray, report: Report) -> Frames | None:
         """Readings of one half of the axes in each millisecond, of the other half in the next."""
-        n = len(speaking)
+        n = len(connected)
         position, velocity, torque = report.values
         estimates = position / self._per_turn, velocity / self._per_turn
         at_rotor = torque / self._gear
-        half = np.flatnonzero(speaking & ((now_us + 1000 * np.arange(n)) % READING_US == 0))
+        half = np.flatnonzero(connected & ((now_us + 1000 * np.arange(n)) % READING_US == 0))
         batches = [
             self._frames(odrive.ENCODER, half, odrive.float_bytes(*estimates)),
             self._frames(odrive.TORQUES, half, odrive.float_bytes(at_rotor, at_rotor)),
         ]
         for index, message in enumerate(_SLOW):
             phase_us = (now_us - self._stagger_us - index * 33_000) % SLOW_US
-            if (due := np.flatnonzero(speaking & (phase_us < 1000))).size:
+            if (due := np.flatnonzero(connected & (phase_us < 1000))).size:
                 batches.append(self._frames(message, due, self._slow(message, report)))
         return joined(batches)
 

@@ -19,6 +19,7 @@ def test_files_and_specs_with_old_keys_still_load(go1: Robot, tmp_path: Path) ->
         settings = load_settings(spec, go1)
         assert settings.contact.max_force_n == 150.0
         assert (settings.slope.max_gradient, settings.slope.deadband) == (0.4, 0.1)
+    assert load_settings("trot@touch_down.inertia_doubt=0.3", go1).touch_down.inertia_uncertainty == 0.3
     file.write_text("safety: {recovery: {asked: true}, battery: {least_share: 0.7}, sensors: {limp_s: 0.2}}")
     safety = deploy_config(go1, file).safety
     assert (safety.recovery.on_request, safety.battery.min_share) == (True, 0.7)

@@ -66,7 +66,7 @@ class TestFaults:
         loop.tick()
         for name, value in change.items():
             setattr(body, name, value)
-        until(loop, mode, most=40)
+        until(loop, mode, max_ticks=40)
         assert len(loop.state.faults) == 1
         assert loop.state.faults[0].startswith(fault)
         assert not body.command().kp.any()

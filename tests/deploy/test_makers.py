@@ -62,13 +62,13 @@ class TestRounding:
     ) -> None:
         assume(not (share > 0.998).all(axis=0).any())  # would read as a special frame of MIT mode
         driver, end = both_ends(wiring)
-        most, rows = driver.highest, [0, 1, 4]
-        half = 0.5 * (most - driver.lowest) / np.array(codes)[:, None] * (1 + 1e-9)
-        requests = end.requests(driver.command(share * most))
-        assert np.all(np.abs(requests.values - np.clip(share * most, driver.lowest, most)) <= half)
-        readings = np.clip(share * most, -most, most)[rows]
+        highest, rows = driver.highest, [0, 1, 4]
+        half = 0.5 * (highest - driver.lowest) / np.array(codes)[:, None] * (1 + 1e-9)
+        requests = end.requests(driver.command(share * highest))
+        assert np.all(np.abs(requests.values - np.clip(share * highest, driver.lowest, highest)) <= half)
+        readings = np.clip(share * highest, -highest, highest)[rows]
         for _ in range(2):  # the second time from arrays that were seen before
-            replies = driver.replies(end.reply(slice(None), report(share[rows] * most[rows], 0, 33)))
+            replies = driver.replies(end.reply(slice(None), report(share[rows] * highest[rows], 0, 33)))
         assert np.all(np.abs(replies.values - readings) <= half[rows])
         assert replies.temperature_c.tolist() == [33, 33]
 
@@ -133,7 +133,7 @@ def test_random_frames_raise_nothing_and_readings_stay_in_range(models: str) -> 
     wiring = two_motors(*models.split())
     driver, end = open_driver(wiring), open_motor_end(wiring)
     rng, count = np.random.default_rng(1), 100
-    most = driver.highest[[0, 1, 4]]
+    highest = driver.highest[[0, 1, 4]]
     for _ in range(200):
         near = rng.choice(IDENTIFIERS, count) ^ rng.integers(0, 2, count) * (1 << rng.integers(0, 29, count))
         data = rng.integers(0, 256, (count, 8)).astype(np.uint8)
@@ -142,7 +142,7 @@ def test_random_frames_raise_nothing_and_readings_stay_in_range(models: str) -> 
         frames = Frames(rng.integers(0, 2, count), near, data, length)
         motor, values, error, temperature, *_ = driver.replies(frames)
         assert values.shape == (3, len(temperature)) == (3, len(error))
-        assert np.all(np.abs(values) <= most[:, motor] * (1 + 1e-9))
+        assert np.all(np.abs(values) <= highest[:, motor] * (1 + 1e-9))
         end.requests(frames)
         end.settings_replies(frames)
         driver.not_ready()

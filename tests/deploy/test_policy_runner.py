@@ -118,9 +118,9 @@ class TestTimes:
 
 
 @pytest.mark.parametrize(
-    ("pattern", "most"), [("L.", 1), ("LLLL.", 4), ("LLLLL", 15)], ids=["one", "four", "all"]
+    ("pattern", "longest"), [("L.", 1), ("LLLL.", 4), ("LLLLL", 15)], ids=["one", "four", "all"]
 )
-def test_late_steps_count_in_a_row(go1: Robot, watch: Stopwatch, pattern: str, most: int) -> None:
+def test_late_steps_count_in_a_row(go1: Robot, watch: Stopwatch, pattern: str, longest: int) -> None:
     """At 50 Hz a step of 21 ms is late."""
     runner = runner_of(SlowSteps(go1, watch, *(0.021 if c == "L" else 0.019 for c in pattern)), realtime=True)
     counts = []
@@ -128,7 +128,7 @@ def test_late_steps_count_in_a_row(go1: Robot, watch: Stopwatch, pattern: str, m
     for now_us in range(0, 300_000, 20_000):
         step(runner, now_us)
         counts.append(runner.signals.late_steps)
-    assert max(counts) == most
+    assert max(counts) == longest
 
 
 def test_a_policy_gets_the_command_of_its_time_and_zero_while_stopping(go1: Robot) -> None:

@@ -18,7 +18,7 @@ def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tu
     read_us = np.arange(0, 1_000_000, 2000)
     late_us = np.repeat(rng.integers(0, 1000 * late_ms, len(read_us) // 25), 25)  # alike for 50 ms
     came_us = np.maximum.accumulate(read_us + late_us)
-    result, most = JointReadings(robot, Drift, Wander), np.zeros(2)
+    result, largest = JointReadings(robot, Drift, Wander), np.zeros(2)
     for now_us in range(5 * SAMPLE_US, 1_000_000, SAMPLE_US):
         last = np.searchsorted(came_us, now_us, side="right") - 1
         joints, arrived_us = np.zeros((3, 12)), np.full(12, came_us[last])
@@ -26,8 +26,8 @@ def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tu
         if now_us == 5 * SAMPLE_US:
             result.begin(now_us, arrived_us, joints)
         elif result.add(now_us, joints, arrived_us):
-            most = np.maximum(most, result.values[:, 0])
-    return float(most[0]), float(most[1])
+            largest = np.maximum(largest, result.values[:, 0])
+    return float(largest[0]), float(largest[1])
 
 
 def test_the_drift_is_a_root_of_squares_minus_a_share(go1: Robot) -> None:

@@ -64,9 +64,11 @@ def limit(check: type[links.LinkCheck]) -> float:
     return float(getattr(LIMITS, check.limit.setting))
 
 
-def windows_until(check: type[links.LinkCheck], measure: Callable[[], float], most: int = 40) -> int | None:
+def windows_until(
+    check: type[links.LinkCheck], measure: Callable[[], float], max_windows: int = 40
+) -> int | None:
     """Number of windows until the value exceeds the limit; None if it never does."""
-    return next((k for k in range(1, most + 1) if measure() > limit(check)), None)
+    return next((k for k in range(1, max_windows + 1) if measure() > limit(check)), None)
 
 
 class TestReplies:
@@ -107,7 +109,7 @@ class TestImu:
 
     def test_old_readings_are_noticed_unless_the_base_rests(self, go1: Robot) -> None:
         link = Link(go1, links.ImuReplayed)
-        assert windows_until(links.ImuReplayed, link.window, most=20) is None
+        assert windows_until(links.ImuReplayed, link.window, max_windows=20) is None
         assert windows_until(links.ImuReplayed, lambda: link.window(imu=lambda n: reading(n % 50)), 10)
         link = Link(go1, links.ImuReplayed)
         for still in (lambda _: reading(0), lambda number: reading(number % 2)):

@@ -49,8 +49,8 @@ class Pair:
         self.motors: MotorEnd = open_motor_end(wiring)
         self.layer = JointLayer(ROBOT, self.driver, open_imu(WIRING), 0.002)
         self.motors.requests(self.driver.query_settings())  # which switches ODrives to torque control
-        most = self.driver.highest[[0, 1, 4]]
-        reading = share * np.where(np.isfinite(most), most, USUAL_READING)
+        highest = self.driver.highest[[0, 1, 4]]
+        reading = share * np.where(np.isfinite(highest), highest, USUAL_READING)
         errors = np.zeros(N, np.uint64)
         answers = [self.motors.reply(slice(None), report(reading, errors))]
         for now_us in (0, 1000) if self.motors.broadcasts else ():  # half of the motors at a time
@@ -84,9 +84,9 @@ class Pair:
             + decoded.kd * velocity
             + torque_quantum
         )
-        least, most = limits(ROBOT.motor, sensed.joint_velocity)
+        lowest, highest = limits(ROBOT.motor, sensed.joint_velocity)
         rounding = rounding + FLOAT_ROUNDING * np.abs(torque)
-        return np.maximum(torque - most, least - torque) - rounding * (1 + 1e-9)
+        return np.maximum(torque - highest, lowest - torque) - rounding * (1 + 1e-9)
 
 
 def precision(model: str) -> list[float]:
@@ -102,9 +102,9 @@ def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     The current limit, and the supply's line down to no torque.
     """
     line = motor.stall_torque / motor.no_load_speed * velocity
-    most = np.clip(motor.stall_torque - line, 0.0, motor.peak_torque)
-    least = np.clip(-motor.stall_torque - line, -motor.peak_torque, 0.0)
-    return least, most
+    highest = np.clip(motor.stall_torque - line, 0.0, motor.peak_torque)
+    lowest = np.clip(-motor.stall_torque - line, -motor.peak_torque, 0.0)
+    return lowest, highest
 
 
 @settings(max_examples=60, deadline=None)

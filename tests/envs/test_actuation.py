@@ -62,7 +62,7 @@ class TestActuation:
         )
 
     @pytest.mark.parametrize(
-        ("name", "most"),
+        ("name", "limit"),
         [
             ("action_delay_s", "0.05"),
             ("action_swing_s", "0.05"),
@@ -70,14 +70,14 @@ class TestActuation:
             ("observation_jitter_s", "0.025"),
         ],
     )
-    def test_delays_must_fit_the_buffers(self, name: str, most: str) -> None:
+    def test_delays_must_fit_the_buffers(self, name: str, limit: str) -> None:
         """The buffers keep three goals and the readings of two control steps of 25 ms."""
         within, beyond = (
-            replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, float(most) + more)}))
+            replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, float(limit) + more)}))
             for more in (0.0, 0.001)
         )
         LocomotionEnv(ROBOT, within)
-        with pytest.raises(UserError, match=f"{name}: .*{most}"):
+        with pytest.raises(UserError, match=f"{name}: .*{limit}"):
             LocomotionEnv(ROBOT, beyond)
 
 

@@ -123,7 +123,7 @@ def rms_mrad(one: np.ndarray, two: np.ndarray) -> float:
     return 1e3 * float(np.sqrt(((one - two) ** 2).mean(axis=0)).max())
 
 
-@pytest.mark.parametrize(("goal", "most"), [(step, 6.0), (swing, 1.0)])
-def test_legs_move_alike_in_training_and_on_the_plant(go1: Robot, goal: Goal, most: float) -> None:
+@pytest.mark.parametrize(("goal", "limit"), [(step, 6.0), (swing, 1.0)])
+def test_legs_move_alike_in_training_and_on_the_plant(go1: Robot, goal: Goal, limit: float) -> None:
     """Explicit steps of 5 ms are off by 12 mrad after a step of the targets and by 3.4 mrad in a swing."""
-    assert rms_mrad(trained(go1, goal), acted(go1, goal)) < most
+    assert rms_mrad(trained(go1, goal), acted(go1, goal)) < limit

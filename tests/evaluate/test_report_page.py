@@ -72,7 +72,7 @@ def test_a_walk_keeps_its_position_after_others(go1: Robot, monkeypatch: pytest.
     assert [walk.trace for walk in given[:2]] == [traces["b"], traces["c"]]
 
 
-def test_all_films_are_as_long_and_a_fall_holds_its_last_picture() -> None:
+def test_films_are_equally_long_and_a_film_of_a_fall_ends_with_its_last_frame() -> None:
     whole, fallen = (FilmTask("go1", None, trace, (), 12.0) for trace in (walked(), walked(5.0, fell=True)))
     assert frame_times(whole)[[0, 1, -1]] == pytest.approx([0.0, 0.04, 11.96])
     assert len(frame_indices(whole)) == len(frame_indices(fallen)) == 300

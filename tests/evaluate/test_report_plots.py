@@ -122,8 +122,8 @@ class TestSweep:
         cells: Any = np.ma.filled(np.ma.asarray(picture.get_array()), np.nan)
         np.testing.assert_array_equal(cells, [[0.6, 0.9, 0.1], [np.nan, 0.3, np.nan]])
         assert picture.origin == "lower"
-        most = np.percentile([0.1, 0.3, 0.6, 0.9], 95)
-        assert (picture.norm.vmin, picture.norm.vmax) == (0.0, pytest.approx(most))
+        largest = np.percentile([0.1, 0.3, 0.6, 0.9], 95)
+        assert (picture.norm.vmin, picture.norm.vmax) == (0.0, pytest.approx(largest))
         assert [label.get_text() for label in panel.axes.get_xticklabels()] == ["-1", "0.25", "1"]
         assert [label.get_text() for label in panel.axes.get_yticklabels()] == ["-0.5", "0.8"]
 

@@ -87,8 +87,8 @@ def test_a_missed_requirement_is_status_1_in_xml(shell: Shell, called: Recorder,
     fallen = scored()
     fallen["scenarios"]["nominal"]["falls"] = 2
     called.replace("footfall.evaluate.api.evaluate_policy", fallen)
-    for most, status in (("2", 0), ("1", 1)):
-        outcome = shell("evaluate", "a", "--require", f"nominal.falls <= {most}", "--junit", "out.xml")
+    for limit, status in (("2", 0), ("1", 1)):
+        outcome = shell("evaluate", "a", "--require", f"nominal.falls <= {limit}", "--junit", "out.xml")
         assert (outcome.status, "nominal.falls" in outcome.err) == (status, status == 1)
         suite = ElementTree.parse(tmp_path / "out.xml").find("testsuite")
         assert suite is not None

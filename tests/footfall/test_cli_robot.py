@@ -56,17 +56,17 @@ class TestVerdict:
         (found,) = self.wrong(go1, **fell, faults=("motor 3", "motor 4"))
         assert "motor 3; motor 4" in found
 
-    @pytest.mark.parametrize(("gain", "most"), [("kp", 500.0), ("kd", 5.0)])
+    @pytest.mark.parametrize(("gain", "limit"), [("kp", 500.0), ("kd", 5.0)])
     def test_gains_beyond_the_frames_range_are_reported_by_joint(
-        self, go1: Robot, gain: str, most: float
+        self, go1: Robot, gain: str, limit: float
     ) -> None:
         assert list(robot_check.beyond_frames(go1)) == []
         gains = {"kp": go1.kp.copy(), "kd": go1.kd.copy()}
-        gains[gain][[5, 7]] = most + 0.5, most
+        gains[gain][[5, 7]] = limit + 0.5, limit
         robot: Any = SimpleNamespace(description=go1.description, **gains)
         (found,) = robot_check.beyond_frames(robot)
         assert "FL_calf_joint" in found
-        assert f"{gain} is {most + 0.5:.3g}" in found
+        assert f"{gain} is {limit + 0.5:.3g}" in found
 
 
 class TestCheck:

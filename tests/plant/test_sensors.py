@@ -169,10 +169,10 @@ class TestEveryReading:
             if name not in noisy:
                 assert error.max() == 0.0
                 continue
-            most = trained[name].max()
-            assert 0.5 * UNIT < most <= LARGEST
-            assert 0.6 * most < error.max() < LARGEST + ROUNDING
-            assert (error.max(axis=0) > 0.3 * most)[: 2 if name == "gravity" else None].all()
+            largest = trained[name].max()
+            assert 0.5 * UNIT < largest <= LARGEST
+            assert 0.6 * largest < error.max() < LARGEST + ROUNDING
+            assert (error.max(axis=0) > 0.3 * largest)[: 2 if name == "gravity" else None].all()
 
     @pytest.mark.parametrize("more", [["second_gyro_bias"], sorted({*BIASES} - {"second_gyro_bias"})])
     def test_a_bias_acts_in_training_on_the_plant_and_in_the_log(
@@ -185,8 +185,8 @@ class TestEveryReading:
         trained = from_vector(in_training(go1, MoreNoise(), sample, true[None], 0.5) - true, N)
         seen = rows_in_log(go1, tmp_path / "biased.mcap", sample=sample)
         for each, difference in trained.items():
-            most = np.abs(difference).max()
-            assert most > 0.5 * UNIT if each in biased else most < 1e-6
+            largest = np.abs(difference).max()
+            assert largest > 0.5 * UNIT if each in biased else largest < 1e-6
             found = seen[each][:STILL_TICKS] - nominal[each][:STILL_TICKS]
             np.testing.assert_allclose(found, np.tile(difference, (STILL_TICKS, 1)), atol=ROUNDING)
 

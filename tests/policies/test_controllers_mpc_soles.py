@@ -46,9 +46,9 @@ class TestMoments:
     def test_friction_bounds_the_moment_about_the_vertical(self) -> None:
         """The body must turn back by 0.1 rad."""
         firm, slippery = planned(0.0), planned(0.0, friction=0.01)
-        most = 0.01 * LEVERS[0, 2] * slippery.force[0, 2]
-        assert -slippery.moment[0, 2] == pytest.approx(most)
-        assert -firm.moment[0, 2] > 2 * most
+        limit = 0.01 * LEVERS[0, 2] * slippery.force[0, 2]
+        assert -slippery.moment[0, 2] == pytest.approx(limit)
+        assert -firm.moment[0, 2] > 2 * limit
 
 
 def pendulum_walk(desired: complex, velocity: complex, steps: int) -> tuple[list[complex], complex]:

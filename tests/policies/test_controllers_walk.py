@@ -70,10 +70,10 @@ class TestAll:
 class TestGaits:
     @pytest.mark.parametrize("gait", ["walk", "bound"])
     def test_every_gait_follows_the_command_with_a_level_body(self, gait: str) -> None:
-        result, most = tilted(Generator(ROBOT, gait), (0.4, 0.1, 0.2), 3.0)
+        result, max_tilt_rad = tilted(Generator(ROBOT, gait), (0.4, 0.1, 0.2), 3.0)
         assert not result.fell
         np.testing.assert_allclose(result.mean_velocity(1.5), (0.4, 0.1, 0.2), atol=0.07)
-        assert most < 0.12
+        assert max_tilt_rad < 0.12
 
     def test_a_slow_walk_stays_on_its_feet(self) -> None:
         """Without sway, at 2 s per cycle, the body would tip towards the foot in the air.
@@ -82,9 +82,9 @@ class TestGaits:
         """
         config = controller_settings(ROBOT, "walk", WalkConfig)
         policy = Generator(ROBOT, "walk", replace(config, gait=GaitConfig("walk", 2.0)))
-        result, most = tilted(policy, (-0.15, 0.0, 0.0), 6.5)
+        result, max_tilt_rad = tilted(policy, (-0.15, 0.0, 0.0), 6.5)
         assert not result.fell
-        assert most < 0.15
+        assert max_tilt_rad < 0.15
         np.testing.assert_allclose(result.mean_velocity(4.5), (-0.15, 0.0, 0.0), atol=0.035)  # over a cycle
         assert policy.notes == []
 
@@ -111,11 +111,11 @@ class TestGaits:
             2022: (GaitConfig("gallop", 0.25, 0.75), step),
             2531: (GaitConfig("trot", 0.4, 0.6), replace(step, height_m=0.08)),
         }
-        result, most = tilted(
+        result, max_tilt_rad = tilted(
             policy, (0.4, 0.0, 0.0), 6.0, lambda tick: policy.change(*others.get(tick, (None, None)))
         )
         assert not result.fell
-        assert most < 0.2
+        assert max_tilt_rad < 0.2
         speed = np.array(result.velocity)[600:, 0].reshape(-1, 300).mean(axis=1)
         assert speed.min() > 0.25
         np.testing.assert_allclose(result.mean_velocity(5.5)[0], 0.4, atol=0.05)

@@ -50,8 +50,8 @@ class TestFeet:
         positions, _ = course(feet, 4.0)
         velocity = np.diff(positions, axis=0) / 0.001
         swing_s = feet.timing.swing_s
-        most = 0.03 * 2 * np.pi**2 / swing_s**2 + 5.8 * 0.12 / swing_s**2
-        assert np.abs(np.diff(velocity, axis=0)).max() / 0.001 < 1.5 * most
+        limit = 0.03 * 2 * np.pi**2 / swing_s**2 + 5.8 * 0.12 / swing_s**2
+        assert np.abs(np.diff(velocity, axis=0)).max() / 0.001 < 1.5 * limit
         assert np.abs(np.diff(positions, axis=0)).max() < 0.002
 
 

@@ -32,10 +32,10 @@ def contact_shares(
     rate: np.ndarray = NOTHING,
     acceleration: np.ndarray = NOTHING,
     heavier: float = 1.0,
-    doubt: float = 0.0,
+    uncertainty: float = 0.0,
 ) -> np.ndarray:
     """Shares (6,) after 0.2 s in a force, from rest; the legs' pose is constant."""
-    ground = GroundForce(ROBOT, BODY, FILTER_S, doubt)
+    ground = GroundForce(ROBOT, BODY, FILTER_S, uncertainty)
     ground.reset(readings(np.zeros((6, 3)), rate, NOTHING, heavier))
     for tick in range(1, 51):
         velocity = rate + tick * DT_S * acceleration
@@ -69,12 +69,12 @@ def test_accelerated_legs_have_contact_only_where_they_touch() -> None:
 
 def test_legs_heavier_than_described_have_no_contact_within_the_tolerance() -> None:
     assert contact_shares(feet(), acceleration=LOWERING, heavier=1.2).min() > 0.4
-    assert contact_shares(feet(), acceleration=LOWERING, heavier=1.2, doubt=0.2) == pytest.approx(
+    assert contact_shares(feet(), acceleration=LOWERING, heavier=1.2, uncertainty=0.2) == pytest.approx(
         np.zeros(6), abs=0.05
     )
 
 
 def test_contact_of_a_braking_leg_is_recognised() -> None:
     """A foot that the ground stops is recognised at once."""
-    braked = contact_shares(feet(LM=1.5 * EVEN_N), acceleration=-LOWERING, doubt=0.2)
+    braked = contact_shares(feet(LM=1.5 * EVEN_N), acceleration=-LOWERING, uncertainty=0.2)
     np.testing.assert_allclose(braked, [0.0, 1.5, 0.0, 0.0, 0.0, 0.0], atol=0.05)

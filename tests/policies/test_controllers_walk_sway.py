@@ -28,9 +28,9 @@ def test_the_body_sways_to_the_side_with_both_feet_down() -> None:
     The first sine of this sway has 4 / pi of the amplitude.
     """
     pressure = plan_sway(FEET, timing(1.0), OFFSETS, HEIGHT_M, 1.0).pressure
-    most = 4 / math.pi * ASIDE / 3
-    np.testing.assert_allclose(sine_at(pressure, 0.25), [0.0, -most], atol=1e-3)
-    np.testing.assert_allclose(sine_at(pressure, 0.75), [0.0, most], atol=1e-3)
+    amplitude = 4 / math.pi * ASIDE / 3
+    np.testing.assert_allclose(sine_at(pressure, 0.25), [0.0, -amplitude], atol=1e-3)
+    np.testing.assert_allclose(sine_at(pressure, 0.75), [0.0, amplitude], atol=1e-3)
     np.testing.assert_allclose(sine_at(pressure, np.array([0.0, 0.5])), 0.0, atol=1e-3)
 
 
@@ -82,8 +82,8 @@ def test_a_walk_begins_a_little_before_the_body_is_farthest_out(phase: float) ->
 def test_in_flight_the_target_pressure_is_in_the_middle() -> None:
     """One foot at 0.1 m for a quarter of the cycle has the first sine 2 * 0.1 sin(pi / 4) / pi, at 1/8."""
     plan = plan_sway(np.array([[0.1, 0.0]]), timing(1.0, 0.25), np.zeros(1), HEIGHT_M, 1.0)
-    most = 0.2 * math.sin(math.pi / 4) / math.pi
-    np.testing.assert_allclose(sine_at(plan.pressure, 0.125), [most, 0.0], atol=1e-3)
+    amplitude = 0.2 * math.sin(math.pi / 4) / math.pi
+    np.testing.assert_allclose(sine_at(plan.pressure, 0.125), [amplitude, 0.0], atol=1e-3)
     np.testing.assert_allclose(sine_at(plan.pressure, 0.375), 0.0, atol=1e-3)
 
 

@@ -85,7 +85,7 @@ def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData, 
 def solved(robot: Robot, dynamics: Dynamics, desired: Desired, **changes: Any) -> tuple[np.ndarray, ...]:
     """Forces (points, 3), accelerations (nv,) and torques (n,) of one tick; all points may press."""
     body = BODIES[robot.name]
-    most = changes.get("max_force", np.full(body.points, 1e4))
+    max_force = changes.get("max_force", np.full(body.points, 1e4))
     torque = changes.get("max_torque", robot.motor.peak_torque)
     weights = changes.get("weights", CONFIG.weights)
     programs = QuadraticPrograms(
@@ -95,7 +95,7 @@ def solved(robot: Robot, dynamics: Dynamics, desired: Desired, **changes: Any) -
         weights,
         changes.get("contact", CONFIG.contact),
     )
-    program, meaning = programs.build(dynamics, desired, most, -torque, torque)
+    program, meaning = programs.build(dynamics, desired, max_force, -torque, torque)
     x = BoundedSolver().solve(program)
     assert x is not None
     force = np.zeros((body.points, 3))
@@ -193,8 +193,8 @@ class TestStanding:
 
     def test_a_foot_with_a_force_limit_of_zero_carries_no_load(self) -> None:
         dynamics = standing(BODIES["g1"], G1)
-        most = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
-        force, acceleration, _ = solved(G1, dynamics, STILL["g1"], max_force=most)
+        max_force = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
+        force, acceleration, _ = solved(G1, dynamics, STILL["g1"], max_force=max_force)
         assert not force[:4].any()
         # One foot cannot carry the body here unless it turns or falls towards the other side.
         assert abs(acceleration[:6]).max() > 0.5
@@ -214,11 +214,11 @@ def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come
     dynamics = body.update(spin)
     desired = np.zeros((2, 6))
     desired[1] = 1.0, -2.0, 3.0, 4.0, -5.0, 6.0
-    most = np.where(body.foot_of_point == 0, 1e4, 0.0)
+    max_force = np.where(body.foot_of_point == 0, 1e4, 0.0)
     weights = replace(CONFIG.weights, contact=1e6, swing=1e5, swing_attitude=1e5)
     _, acceleration, _ = solved(
         *(G1, dynamics, STILL["g1"]._replace(feet=desired)),
-        max_force=most,
+        max_force=max_force,
         weights=weights,
         contact=replace(CONFIG.contact, friction=5.0),  # so that the foot can be held
     )
@@ -244,10 +244,10 @@ class TestLimits:
 
     def test_torques_stay_in_their_limits(self) -> None:
         dynamics = standing(BODIES["g1"], G1)
-        most = np.linspace(3.0, 9.0, 12)
-        _, _, torque = solved(G1, dynamics, STILL["g1"], max_torque=most)
-        assert np.all(np.abs(torque) <= most + 1e-6)
-        assert np.any(np.abs(torque) > most - 1e-3)  # the knees would need more
+        max_torque = np.linspace(3.0, 9.0, 12)
+        _, _, torque = solved(G1, dynamics, STILL["g1"], max_torque=max_torque)
+        assert np.all(np.abs(torque) <= max_torque + 1e-6)
+        assert np.any(np.abs(torque) > max_torque - 1e-3)  # the knees would need more
 
 
 def contradicting(solver: BoundedSolver) -> BoundedSolver:

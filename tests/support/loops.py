@@ -108,9 +108,9 @@ def simulated_loop(
     return loop_on(robot, policy, SimulatedBus(wires, body), **settings)
 
 
-def until(loop: ControlLoop, mode: Mode, most: int = 2000) -> None:
+def until(loop: ControlLoop, mode: Mode, max_ticks: int = 2000) -> None:
     """Tick until the loop is in a mode."""
-    for _ in range(most):
+    for _ in range(max_ticks):
         if loop.state.mode is mode:
             return
         loop.tick()

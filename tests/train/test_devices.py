@@ -23,7 +23,7 @@ TWO = {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu", "JAX_USE_SHARDY_PARTI
 
 
 @pytest.fixture(scope="module")
-def seen() -> dict[str, float]:
+def results() -> dict[str, float]:
     done = subprocess.run(
         [sys.executable, str(SCRIPT)],
         env=os.environ | TWO, capture_output=True, text=True, timeout=300, check=False,
@@ -32,31 +32,31 @@ def seen() -> dict[str, float]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def test_equal_shares_on_all_devices_train_as_one_device_does(seen: dict[str, float]) -> None:
-    assert seen["moved"] > 1e-3
-    assert seen["same_share_on_both"] < 1e-6
-    assert seen["gradient_norms"] < 1e-5
+def test_equal_shares_on_all_devices_train_as_one_device_does(results: dict[str, float]) -> None:
+    assert results["moved"] > 1e-3
+    assert results["same_share_on_both"] < 1e-6
+    assert results["gradient_norms"] < 1e-5
 
 
-def test_statistics_of_each_device_reach_all_devices(seen: dict[str, float]) -> None:
-    assert seen["other_share_on_the_second"] > 1e-4
-    assert seen["between_devices"] == 0.0
+def test_statistics_of_each_device_reach_all_devices(results: dict[str, float]) -> None:
+    assert results["other_share_on_the_second"] > 1e-4
+    assert results["between_devices"] == 0.0
 
 
-def test_observation_statistics_are_those_of_all_devices(seen: dict[str, float]) -> None:
-    assert seen["statistics"] < 1e-6
+def test_observation_statistics_are_those_of_all_devices(results: dict[str, float]) -> None:
+    assert results["statistics"] < 1e-6
 
 
-def test_environments_are_divided_and_parameters_are_everywhere(seen: dict[str, float]) -> None:
-    assert seen["devices"] == 2
-    assert seen["environments_of_each"] == 16
-    assert seen["copies_of_parameters"] == 2
+def test_environments_are_divided_and_parameters_are_everywhere(results: dict[str, float]) -> None:
+    assert results["devices"] == 2
+    assert results["environments_of_each"] == 16
+    assert results["copies_of_parameters"] == 2
 
 
 @pytest.mark.parametrize(
     ("platform", "visible", "cached"), [("gpu", 1, True), ("gpu", 2, False), ("cpu", 1, False)]
 )
-def test_programs_are_cached_of_a_gpu_that_is_alone(
+def test_only_programs_of_a_single_gpu_are_cached(
     monkeypatch: pytest.MonkeyPatch, platform: str, visible: int, cached: bool
 ) -> None:
     monkeypatch.setattr(jax, "device_count", lambda: visible)

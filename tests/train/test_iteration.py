@@ -117,12 +117,12 @@ class TestCounting:
             make_iteration(CountingEnvironment(), self.NETWORKS, self.CONFIG), begun
         )[2]
         assert all_of_them.shape == (18, 3)
-        for most in (4, 8):
-            monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", most)
+        for limit in (4, 8):
+            monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", limit)
             _, metrics, seen = make_iteration(CountingEnvironment(), self.NETWORKS, self.CONFIG)(begun)
-            assert seen.shape == (most, 3)
+            assert seen.shape == (limit, 3)
             newest = np.asarray(begun.env) + 2.0
-            np.testing.assert_allclose(seen[-6:, 0], newest[:most], rtol=1e-6)
+            np.testing.assert_allclose(seen[-6:, 0], newest[:limit], rtol=1e-6)
         # Mean of episodes of two and three steps.
         assert float(metrics["episode/length_s"]) == pytest.approx(2.5 * 0.05)
         assert float(metrics["reward/total"]) == pytest.approx((25.0 + 2.0) / 0.05)

@@ -89,8 +89,10 @@ class Step:
             feet=feet,
             joints=config.posture(sensed.joint_position - self._default, sensed.joint_velocity),
         )
-        most = self._max_force * np.where(bearing, load, 0.0)[self.control.body.foot_of_point]
-        return self.control.command(dynamics, sensed.joint_position, sensed.joint_velocity, desired, most)
+        max_force = self._max_force * np.where(bearing, load, 0.0)[self.control.body.foot_of_point]
+        return self.control.command(
+            dynamics, sensed.joint_position, sensed.joint_velocity, desired, max_force
+        )
 
     def _corrected(self, dynamics: Dynamics, joint_torque: np.ndarray, settled: bool) -> Dynamics:
         """The dynamics with the centre of mass where it is found while the robot settles on both feet."""

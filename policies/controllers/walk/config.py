@@ -69,7 +69,7 @@ class TouchDownConfig:
     # the first, a stance foot has no contact. Above the second, a swing foot has touched down.
     force_share: tuple[float, float]
     filter_s: float  # time constant of the force
-    inertia_doubt: float  # share by which the joints' inertia may exceed the description's
+    inertia_uncertainty: float  # share by which the joints' inertia may exceed the description's
     from_progress: float  # progress of the swing from which forces are checked
     probe_m: float  # largest lowering of a stance foot without contact
     probe_m_s: float  # speed of that lowering
@@ -78,7 +78,7 @@ class TouchDownConfig:
         require_ordered(self, "force_share")
         require_positive(self, "filter_s", "probe_m_s")
         require_between(self, 0.0, 1.0, "from_progress")
-        require_not_negative(self, "inertia_doubt", "probe_m")
+        require_not_negative(self, "inertia_uncertainty", "probe_m")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ class TouchDown:
 
     def __init__(self, robot: Robot, body: RigidBody, config: TouchDownConfig) -> None:
         self._config = config
-        self._force = GroundForce(robot, body, config.filter_s, config.inertia_doubt)
+        self._force = GroundForce(robot, body, config.filter_s, config.inertia_uncertainty)
 
     def reset(self, sensed: Sensed) -> None:
         """Start with joints without acceleration."""
@@ -70,13 +70,13 @@ class GroundForce:
         filter_s: time constant of both filter stages: the first differentiates the momentum, the second
             smooths
         the noise of the joint velocities in the derivative.
-        inertia_doubt: share by which M may be too small.
+        inertia_uncertainty: share by which M may be too small.
     """
 
-    def __init__(self, robot: Robot, body: RigidBody, filter_s: float, inertia_doubt: float) -> None:
+    def __init__(self, robot: Robot, body: RigidBody, filter_s: float, inertia_uncertainty: float) -> None:
         self._legs, self._motor = robot.legs, robot.motor
         self._observer = MomentumObserver(body.leg_inertia, filter_s)
-        self._filter_s, self._doubt = filter_s, inertia_doubt
+        self._filter_s, self._uncertainty = filter_s, inertia_uncertainty
         self._even_force = GRAVITY_M_S2 * body.mass / robot.legs.count
 
     def reset(self, sensed: Sensed) -> None:
@@ -97,7 +97,7 @@ class GroundForce:
         share = dt_s / (self._filter_s + dt_s)
         self._smooth += share * (self._observer.update(self._external(sensed), rates, dt_s) - self._smooth)
         held, inertial = upward_force(jacobian, self._smooth, _UP).T
-        force: np.ndarray = held + inertial + self._doubt * np.minimum(inertial, 0.0)
+        force: np.ndarray = held + inertial + self._uncertainty * np.minimum(inertial, 0.0)
         return force / self._even_force
 
     def _external(self, sensed: Sensed) -> np.ndarray:

@@ -33,9 +33,9 @@ def ranges_of(machine: Machine, reach_m: float) -> dict[str, dict]:
 
 def test_loads_scale_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> None:
     default = load_randomisation()
-    alike = ranges_of(machine_of(tmp_path, 13.0), 0.45)
+    same_size = ranges_of(machine_of(tmp_path, 13.0), 0.45)
     for name in ("payload_kg", "com_offset_m"):
-        assert Distribution(**alike[name]) == getattr(default, name)
+        assert Distribution(**same_size[name]) == getattr(default, name)
     assert ranges_of(machine_of(tmp_path, 39.0), 1.8) == {
         "payload_kg": {"low": -3.0, "high": 6.0},
         "com_offset_m": {"low": -0.12, "high": 0.12},
@@ -56,7 +56,7 @@ def test_every_preset_loads_with_an_imported_robots_training_yaml(
     tmp_path: Path, text: str, suffix: str, gait: str
 ) -> None:
     robot, _ = make(tmp_path, text, suffix, defaults=default_ranges(), gaits_of=gaits_of)
-    most = robot.description.commands.forward_m_s[1]
+    forward_m_s = robot.description.commands.forward_m_s[1]
     for preset in available_presets():
         config = load_preset(preset, robot)
         env = config.env
@@ -65,7 +65,7 @@ def test_every_preset_loads_with_an_imported_robots_training_yaml(
             continue
         assert env.gait is not None
         assert env.gait.name == gait
-        assert env.commands.ranges.forward_m_s[1] == pytest.approx(1.2 * most, rel=0.05)
+        assert env.commands.ranges.forward_m_s[1] == pytest.approx(1.2 * forward_m_s, rel=0.05)
         assert 0.0 > env.weights["torque"] > -1.0
         assert env.weights["alive"] > 0.0  # the rest is the preset's
         if env.randomisation.payload_kg is not None:
