@@ -176,7 +176,7 @@ def _about_pose(machine: Machine, pose: Pose, *, folded: bool) -> list[str]:
     return lines
 
 
-def _about_wiring(beyond: Sequence[str]) -> list[str]:
+def _about_wiring(beyond: list[str]) -> list[str]:
     """Lines about buses and protocols; `beyond` are joints whose ranges no protocol has."""
     lines = ["bus, id and protocol of each motor are placeholders, and so is the IMU's bus"]
     if beyond:
