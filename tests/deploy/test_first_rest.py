@@ -30,16 +30,6 @@ class TestFirstRest:
         pytest.fail("it waits for ever")
 
     @pytest.mark.parametrize(
-        "before",
-        [[(TURNING, (0.0, 0.0, 150.0))], [(STILL, (0.0, 0.0, 0.0))] * 20 + [(TURNING, GRAVITY)]],
-        ids=["it is set down hard", "it was let fall"],
-    )
-    def test_motion_before_the_last_motion_does_not_count(self, before: list[tuple[Vector, Vector]]) -> None:
-        rest, ready_us = self.looked(before, self.GRAVITY)
-        assert ready_us == (len(before) - 1) * TICK_US + 50_000
-        assert rest.contradiction() is None
-
-    @pytest.mark.parametrize(
         ("gyro", "velocity", "who"),
         [
             ((0.0, 0.0, -0.31), (0.0, 0.2), "the IMU's gyro reads 0.31 rad/s"),

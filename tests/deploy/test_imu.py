@@ -108,14 +108,6 @@ class TestReader:
         assert wire.reader.arrived_us == 1000
         assert wire.reader.reading.gyro[0] == pytest.approx(0.1)
 
-    def test_samples_that_are_replayed_are_counted_as_older(self, wire: Wire) -> None:
-        for counter in [*range(100), *range(100)]:
-            wire.send(counter, 0)
-        assert wire.reader.older == 98  # the second sample of the second replay confirms it
-        wire.send(2000, 5000), wire.send(2001, 6000)  # what was lost in a silence is not older
-        assert wire.reader.older == 98
-        assert wire.reader.arrived_us == 6000
-
     @pytest.mark.parametrize("before", [1, 2, 3])
     def test_a_part_has_the_time_of_its_frames_arrival(self, wire: Wire, before: int) -> None:
         """Frames arrive one by one at first, then all at once.

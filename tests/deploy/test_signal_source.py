@@ -43,16 +43,6 @@ def test_no_joint_gets_stiffness_before_each_motor_is_ready_and_enabled(go1: Rob
     assert refused(*loop_of(go1, Hold(go1), driver=driver)) == ("motor knee is not there yet",)
 
 
-def test_a_robot_at_rest_on_a_slope_stands_up_after_its_time(go1: Robot) -> None:
-    """On a slope of 15 degrees the accelerometer leans as the quaternion does."""
-    loop, body = loop_of(go1, Hold(go1), still_s=0.05)
-    lean = math.radians(15)
-    body.quaternion = (math.cos(lean / 2), 0.0, math.sin(lean / 2), 0.0)
-    body.acceleration = (-9.8 * math.sin(lean), 0.0, 9.8 * math.cos(lean))
-    until(loop, Mode.STANDING)
-    assert loop.now_us == 50_000
-
-
 def test_motors_are_enabled_until_all_have_answered(go1: Robot) -> None:
     loop, body = loop_of(go1, Hold(go1))
     body.silent = [3]

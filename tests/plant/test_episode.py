@@ -136,13 +136,6 @@ class TestTrial:
             seen.append([delta[0] for delta in body.pushes])
         assert seen == [[], [], [1, 2], [1, 2], [1, 2], [1, 2, 3], [1, 2, 3]]
 
-    def test_a_push_that_is_due_while_the_robot_lies_is_left_out(self, go1: Robot) -> None:
-        trial, body, loop = trial_of(go1, pushes=(Push(0.01, (1.0, 0.0, 0.0)), Push(0.03, (2.0, 0.0, 0.0))))
-        times = {0.0: Mode.WALKING, 0.01: Mode.RECOVERING, 0.02: Mode.WALKING, 0.03: Mode.WALKING}
-        for loop.walking_s, loop.state.mode in times.items():
-            trial.tick(loop)  # type: ignore[arg-type]
-        assert [delta[0] for delta in body.pushes] == [2.0]
-
     def test_a_trial_without_a_record_still_measures_and_detects_falls(self, go1: Robot) -> None:
         trial, body, loop = trial_of(go1, record=False)
         for tick in range(3):

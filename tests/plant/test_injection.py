@@ -45,11 +45,6 @@ class TestFrames:
         assert [numbers(each) for each in came] == [[], [], [], [0], [1], [2], []]
         assert [float(each[0].time_us[0]) for each in came[3:6]] == [3000.0, 4000.0, 5000.0]  # type: ignore[index]
 
-    def test_only_the_selected_frames_are_late(self) -> None:
-        hold = late(3000, from_imu)
-        assert numbers(hold([of_imu(), batch(9)], 0)) == [9]
-        assert [int(frames.id[0]) for frames in hold([batch(8)], 3000)] == [imu.GYRO_ID, 0x100]
-
     def test_a_share_of_frames_gets_lost(self) -> None:
         """A quarter of 4000 is 1000, with a standard deviation of 27."""
         left = dropped(0.25, np.random.default_rng(0))(batch(7, k=4000))
