@@ -51,6 +51,10 @@ def test_a_closed_terminal_and_ctrl_c_end_the_run_in_order(
         os.kill(child, signal.SIGHUP)  # the shell's signal, after the kernel's
     else:
         os.write(terminal, b"\x03")
+        with suppress(OSError):  # the process has closed the terminal
+            while os.read(terminal, 1000):
+                pass
+        os.close(terminal)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
     ended = figures(tmp_path)
     assert ended["final_state"] == "IDLE"
