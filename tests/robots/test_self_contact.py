@@ -2,9 +2,35 @@
 
 import mujoco
 import numpy as np
+import pytest
 
 from footfall.robots.description import load_robot
-from footfall.robots.model import training_model
+from footfall.robots.model import joint_addresses, plant_model, training_model
+
+DEEP_M = 0.01  # allowed overlap before training's simpler shapes touch
+NEAR_M = 0.006  # allowed distance when training's simpler shapes touch
+
+
+@pytest.mark.parametrize("name", ["go1", "g1"])
+def test_deep_contacts_of_the_simulated_robot_are_seen(name: str) -> None:
+    robot = load_robot(name)
+    plant, trained = plant_model(robot), training_model(robot, contacts="whole_body")
+    plant.geom_margin[:] = NEAR_M  # training's one geom for a shank and its foot is thicker than the shank
+    (plant_joints, _), (joints, _) = joint_addresses(plant, robot), joint_addresses(trained, robot)
+    on_plant, in_training, rng = mujoco.MjData(plant), mujoco.MjData(trained), np.random.default_rng(0)
+    touching = missed = invented = 0
+    for _ in range(1000):
+        pose = rng.uniform(*robot.soft_limits)
+        for model, data, addresses in ((plant, on_plant, plant_joints), (trained, in_training, joints)):
+            data.qpos[2], data.qpos[addresses] = 5.0, pose
+            mujoco.mj_fwdPosition(model, data)
+        deep = on_plant.ncon > 0 and on_plant.contact.dist.min() < -DEEP_M
+        touching += deep
+        missed += deep and not in_training.ncon
+        invented += in_training.ncon > 0 and on_plant.ncon == 0
+    assert touching > 10
+    assert missed <= 0.1 * touching
+    assert invented <= 0.5 * touching
 
 
 def test_original_shapes_collide_as_on_the_simulated_robot() -> None:

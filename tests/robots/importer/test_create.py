@@ -19,6 +19,7 @@ from footfall.policies.registry import controllers_of, load_policy
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.importer.create import Imported, ImportRequest, import_robot
 from footfall.robots.importer.read import read_source
+from footfall.train.config import load_preset
 
 
 @pytest.fixture
@@ -101,6 +102,17 @@ class TestDerived:
         robot, _ = make(tmp_path, text, "xml")
         assert robot.default_pose[:6] == pytest.approx([0.1, 0.05, -0.4, 0.9, -0.5, -0.05])
         assert robot.default_pose[9] == pytest.approx(0.03 * 2.2, abs=1e-4)
+
+    def test_a_biped_with_point_feet_is_held_up_at_first(
+        self, two: tuple[Robot, Imported], tmp_path: Path
+    ) -> None:
+        sole = '<geom type="box" pos="0.03 0 -0.045" size="0.12 0.05 0.015" mass="0.6"/>'
+        sphere = '<geom type="sphere" pos="0 0 -0.04" size="0.02" mass="0.6"/>'
+        robot, made = make(tmp_path, BIPED_MJCF.replace(sole, sphere), "xml")
+        assert robot.description.held_start
+        assert load_preset("cpu", robot).env.commands.standing_command == 0.0
+        assert any("held up" in guess for guess in made.guesses)
+        assert not two[0].description.held_start
 
     def test_reflected_inertia_is_estimated_from_the_torque(self, four: tuple[Robot, Imported]) -> None:
         robot, made = four
@@ -237,6 +249,12 @@ class TestCreate:
     def request(self, tmp_path: Path, folder: str = "made", **options: Any) -> ImportRequest:
         (tmp_path / "m.urdf").write_text(quadruped())
         return ImportRequest(tmp_path / "m.urdf", tmp_path / folder, RANGES, **options)
+
+    def test_the_folders_parents_are_created_and_the_robot_has_its_name(self, tmp_path: Path) -> None:
+        made = import_robot(self.request(tmp_path, "new/deep/my dog-2_x"))
+        assert made.folder == tmp_path / "new/deep/my dog-2_x"
+        assert load_robot(made.folder).name == "my_dog-2_x"
+        assert [path.name for path in made.folder.parent.iterdir()] == ["my dog-2_x"]
 
     def test_a_robot_that_cannot_be_loaded_leaves_no_folder(self, tmp_path: Path) -> None:
         """The joints have so much damping that the plant's steps are unstable."""

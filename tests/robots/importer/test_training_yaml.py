@@ -10,12 +10,16 @@ from foreign_robots import BIPED_MJCF, make, quadruped
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import default_ranges, load_randomisation, randomisation_of
 from footfall.policies.gaits import gaits_of
+from footfall.robots.commands import CommandRange
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.randomisation_yaml import randomisation_yaml
 from footfall.robots.importer.read import read_source
+from footfall.robots.importer.training_yaml import training_yaml
 from footfall.train.config import available_presets, load_preset
+
+COMMANDS = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-0.8, 0.8))
 
 
 def machine_of(tmp_path: Path, mass: float) -> Machine:
@@ -27,8 +31,23 @@ def machine_of(tmp_path: Path, mass: float) -> Machine:
     return dataclasses.replace(machine, links=links)
 
 
+def written(tmp_path: Path, reach_m: float, mass: float) -> dict[str, dict]:
+    """The file for a quadruped of that mass, with legs of that reach."""
+    pose = Pose({}, 0.3, 0.0, reach_m)
+    return yaml.safe_load(training_yaml(machine_of(tmp_path, mass), pose, COMMANDS, "trot"))["env"]
+
+
 def ranges_of(machine: Machine, reach_m: float) -> dict[str, dict]:
     return yaml.safe_load(randomisation_yaml(machine, Pose({}, 0.3, 0.0, reach_m), default_ranges()))
+
+
+def test_figures_scale_with_leg_length_and_mass(tmp_path: Path) -> None:
+    env = written(tmp_path, 1.8, 39.0)
+    assert env["gait"]["frequency_hz"] == pytest.approx(1.1)  # twice the time for a step
+    assert env["rewards"]["torque"] == pytest.approx(-1.2e-3 / 144, rel=0.05)  # squared torque: (3 * 4)^2
+    assert env["rewards"]["power"] == pytest.approx(-6.8e-3 / 6, rel=0.05)  # torque 12 times, rates a half
+    assert env["rewards"]["swing_height"]["height_m"] == pytest.approx(0.32)
+    assert env["rewards"]["crowded_feet"] == pytest.approx({"weight": -40.0 / 16, "distance_m": 0.48})
 
 
 def test_loads_scale_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> None:
