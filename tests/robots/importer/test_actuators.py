@@ -1,5 +1,6 @@
 """Actuators with published figures."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -44,3 +45,15 @@ def test_motors_beyond_their_rated_torque_are_reported(tmp_path: Path) -> None:
     _, made = make(tmp_path, heavy, actuators={"": "DM-J4310-2EC-48V"})
     (warning,) = (guess for guess in made.guesses if "beyond their rated torque" in guess)
     assert "of 3 N m" in warning
+
+
+def test_a_negative_torque_counts_by_its_magnitude(tmp_path: Path) -> None:
+    """The knee of one leg turns about the opposite axis."""
+    heavy = quadruped().replace('value="5.3"', 'value="9.3"')
+    knee = re.search(r'<joint name="FL_knee".*?</joint>', heavy, re.DOTALL)
+    assert knee is not None
+    turned = re.sub(r'lower="-([\d.]+)" upper="-([\d.]+)"', r'lower="\2" upper="\1"', knee[0])
+    turned = turned.replace('axis xyz="0 1 0"', 'axis xyz="0 -1 0"')
+    _, made = make(tmp_path, heavy.replace(knee[0], turned), actuators={"": "DM-J4310-2EC-48V"})
+    (warning,) = (guess for guess in made.guesses if "beyond their rated torque" in guess)
+    assert "FL_knee" in warning
