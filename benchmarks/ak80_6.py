@@ -123,8 +123,8 @@ def run(task: Task) -> dict[str, Any]:
     if kind == "draw":
         drawn = np.random.default_rng(number).choice(all_of_them.recordings, len(all_of_them.recordings))
         return {"numbers": all_of_them.of(drawn).fit().tolist()}
-    judging = held_out(all_of_them, kind, number)
-    return {"numbers": all_of_them.of(all_of_them.recordings, without=judging).fit().tolist()}
+    mask = held_out(all_of_them, kind, number)
+    return {"numbers": all_of_them.of(all_of_them.recordings, without=mask).fit().tolist()}
 
 
 def held_out(windows: Shooting, kind: str, number: int) -> np.ndarray:
@@ -197,8 +197,8 @@ def report_motion(windows: Shooting, fits: dict[tuple[str, int], np.ndarray], na
     errors = {kind: np.zeros_like(windows.measured) for kind in ("blocks", "recording")}
     for (kind, number), numbers in fits.items():
         if kind in errors:
-            judging = held_out(windows, kind, number)
-            errors[kind][judging] = windows.errors(numbers)[judging]
+            mask = held_out(windows, kind, number)
+            errors[kind][mask] = windows.errors(numbers)[mask]
     sets = [*errors.values(), windows.errors(np.array([PUBLISHED.get(name, 0.0) for name in NAMES]))]
     rows = []
     for index, name in enumerate([*names, "all"]):

@@ -98,7 +98,7 @@ def problem(data: str, model: str, leg: int, free: str) -> Shooting:
     return leg_windows(legs[leg], read(Path(data), joints), NOMINAL, MODELS[free], WINDOW_S, READ_HZ)
 
 
-def judging(windows: Shooting) -> np.ndarray:
+def held_out_mask(windows: Shooting) -> np.ndarray:
     """Mask of the held-out windows, (W,)."""
     return np.arange(len(windows.recording)) % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
 
@@ -109,19 +109,19 @@ def run(task: Task) -> dict[str, Any]:
     windows = problem(data, model, leg, free)
     if delay_s is not None:
         windows = windows.held(DELAY, delay_s)
-    held_out = judging(windows)
+    held_out = held_out_mask(windows)
     fitting = windows.of(windows.recordings[~held_out])
     numbers = fitting.fit(rounds=2, iterations=6)
     error = windows.errors(numbers)[held_out]
     residual, slope = fitting.slopes(numbers)
     names = [each.name for each in windows.numbers]
     noise = float(np.sqrt((residual[~held_out] ** 2).mean()))
-    untold = null_directions(slope.reshape(-1, len(names)), names, noise)
+    undetermined = null_directions(slope.reshape(-1, len(names)), names, noise)
     return {
         "numbers": dict(zip(names, numbers.tolist(), strict=True)),
         "error_rad": error.tolist() if delay_s is None else [],
         "held_out_mrad": (1e3 * np.sqrt((error**2).mean(axis=(0, 1)))).tolist(),
-        "untold": [each.text for each in untold],
+        "undetermined": [each.text for each in undetermined],
     }
 
 
@@ -144,7 +144,7 @@ def main() -> None:
     report(found)
     if options.plot is not None:
         windows = problem(data, model, 0, PROFILED)
-        chosen = windows.measured[judging(windows)]
+        chosen = windows.measured[held_out_mask(windows)]
         error = np.array(found[0, PROFILED, None]["error_rad"])
         channels = [f"{kind}, rad" for kind in KINDS]
         plot_windows(options.plot, chosen, error, np.zeros(len(chosen)), [LEGS[0]], channels)
@@ -164,7 +164,7 @@ def report(found: dict[tuple[int, str, float | None], dict[str, Any]]) -> None:
     print(table(head, rows))
     for free in MODELS:
         for leg, name in enumerate(LEGS):
-            for text in found[leg, free, None]["untold"]:
+            for text in found[leg, free, None]["undetermined"]:
                 print(f"not determined by {name}, {free}: {text}")
 
 

@@ -24,7 +24,7 @@ class BatteryLimits:
     empty_charge: float = 0.08  # charge at which the run ends
     low_cell_v: float = 0.2  # the same range as a cell's voltage under load above its empty voltage
     min_share: float = 0.6  # share of speed and torque just before the run ends
-    off_cell_v: float = 0.3  # largest difference of a cell's voltage from that for charge and current
+    max_cell_deviation_v: float = 0.3  # from a cell's voltage for this charge and current
     smooth_s: float = 1.0  # time constant of both voltages: a step's current peak is not a fault
     period_s: float = 0.05  # between two updates
     voltage_error_v: float = 0.02  # standard deviation of a cell's voltage, in the reading and in the curve
@@ -34,7 +34,7 @@ class BatteryLimits:
 
     def __post_init__(self) -> None:
         require_between(self, 0.0, 1.0, "empty_charge", "low_charge", "resistance_error", "current_error")
-        require_between(self, 0.001, 5.0, "low_cell_v", "off_cell_v", "voltage_error_v")
+        require_between(self, 0.001, 5.0, "low_cell_v", "max_cell_deviation_v", "voltage_error_v")
         require_between(self, 0.1, 1.0, "min_share")
         require_between(self, 0.01, 600.0, "smooth_s", "error_s")
         require_between(self, 0.002, 10.0, "period_s")
@@ -72,7 +72,7 @@ class BatteryMonitor:
         self._next_us: float = -math.inf
         self._last_us = 0
         self._smooth_v = math.nan  # voltage under load
-        self._off_v = 0.0  # smoothed difference from the voltage for charge and current
+        self._deviation_v = 0.0  # smoothed difference from the voltage for charge and current
         self.state = NO_BATTERY
 
     def update(self, now_us: int, voltage: np.ndarray, current: np.ndarray, joints: np.ndarray) -> bool:
@@ -120,7 +120,7 @@ class BatteryMonitor:
             self._smooth_v, new = voltage_v, 0.0
         charge = min(max(charge, 0.0), 1.0)
         self._smooth_v += new * (voltage_v - self._smooth_v)
-        self._off_v += new * (voltage_v + drop_v - battery.open_circuit_v(charge) - self._off_v)
+        self._deviation_v += new * (voltage_v + drop_v - battery.open_circuit_v(charge) - self._deviation_v)
         reserve = self._reserve(charge)
         return BatteryState(
             charge,
@@ -139,8 +139,8 @@ class BatteryMonitor:
         return min(max(min(by_charge, by_voltage), 0.0), 1.0)
 
     def _fault(self, charge: float, reserve: float) -> str:
-        if abs(self._off_v) > self._battery.cells * self._limits.off_cell_v:
-            return f"the battery's voltage differs by {self._off_v:+.1f} V from what its charge implies"
+        if abs(self._deviation_v) > self._battery.cells * self._limits.max_cell_deviation_v:
+            return f"the battery's voltage differs by {self._deviation_v:+.1f} V from what its charge implies"
         if reserve > 0.0:
             return ""
         return f"the battery is empty: {charge:.0%} of its charge, {self._smooth_v:.1f} V under load"

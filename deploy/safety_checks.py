@@ -158,7 +158,7 @@ SIGNAL_CHECKS = (
         ENDED,
         lambda s, _: s.battery,
         Mode.LOWERING,
-        ("battery.empty_charge", "battery.off_cell_v"),
+        ("battery.empty_charge", "battery.max_cell_deviation_v"),
     ),
     Check("an exception in the policy", DECIDED, lambda s, _: s.policy.error, Mode.LOWERING),
     Check(

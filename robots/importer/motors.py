@@ -19,9 +19,11 @@ NO_LOAD_SPEED_RAD_S = 30.0  # if a file gives none
 MAX_SPEED_RAD_S = 60.0  # larger values in a file are not a motor's
 FRICTION_SPEED_RAD_S = 0.2
 PLANT_STEP_S = 0.001
-FRICTION_TAKEN = 0.3  # share of a velocity that the friction ramp may remove in one step of the plant
+FRICTION_SHARE = 0.3  # share of a velocity that the friction ramp may remove in one step of the plant
 MAX_LEVERAGE = 3.0  # torque over weight times reach; larger values in a file are not a motor's
-LEAN_RAD = 0.75  # position error at which the stiffness demands the peak torque: 0.5 to 1.1 on Go1 and G1
+PEAK_TORQUE_ERROR_RAD = (
+    0.75  # position error at which the stiffness demands the peak torque: 0.5 to 1.1 on Go1 and G1
+)
 MAX_SAG_RAD = 0.12  # under the robot's own weight
 STABILITY_MARGIN = 2.0  # stiffness over the smallest stiffness with which the machine stands
 GEAR_RATIO = 10.0  # of medium-sized motors; used for the copper loss only
@@ -96,17 +98,17 @@ def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: floa
     peak = {}
     max_torque = MAX_LEVERAGE * machine.mass * GRAVITY_M_S2 * reach_m
     for hinge in machine.hinges:
-        named, filed = value_for(hinge.name, given), source.peak_torque_nm.get(hinge.name)
-        if named is None and filed is None:
+        named, from_file = value_for(hinge.name, given), source.peak_torque_nm.get(hinge.name)
+        if named is None and from_file is None:
             raise UserError(
                 f"{source.path}: joint {hinge.name} has no peak torque (effort): give --peak-torque"
             )
-        if named is None and filed is not None and filed > max_torque:
+        if named is None and from_file is not None and from_file > max_torque:
             raise UserError(
-                f"{source.path}: joint {hinge.name} has a peak torque of {filed:g} N m, which is no motor's"
-                f" on a machine of {machine.mass:.3g} kg: give --peak-torque"
+                f"{source.path}: joint {hinge.name} has a peak torque of {from_file:g} N m, which"
+                f" is no motor's on a machine of {machine.mass:.3g} kg: give --peak-torque"
             )
-        peak[hinge.name] = filed if named is None and filed is not None else float(named or 0.0)
+        peak[hinge.name] = from_file if named is None and from_file is not None else float(named or 0.0)
     return peak
 
 
@@ -121,8 +123,8 @@ def choose_drive(
     """Motors, and gains with which the machine stands if possible.
 
     The stiffness of a joint is its reflected inertia times the square of one natural frequency. It is chosen
-    so that the median joint demands its peak torque at an error of `LEAN_RAD`, or stiffer if standing
-    requires it.
+    so that the median joint demands its peak torque at an error of `PEAK_TORQUE_ERROR_RAD`, or stiffer if
+    standing requires it.
 
     Raises:
         UserError: a joint needs more than its peak torque to stand.
@@ -131,7 +133,7 @@ def choose_drive(
     _refuse_weak(machine, source, peak, standing)
     armature = np.array([hinge.armature for hinge in hinges])
     torque = np.array([peak[hinge.name] for hinge in hinges])
-    typical_hz = float(np.sqrt(np.median(torque / armature) / LEAN_RAD) / (2 * np.pi))
+    typical_hz = float(np.sqrt(np.median(torque / armature) / PEAK_TORQUE_ERROR_RAD) / (2 * np.pi))
     guesses = [
         "torque-speed line: from the peak torque at rest to the no-load speed",
         f"winding{'' if gear else ' and gear ratio'}: assumed, they price the copper loss only",
@@ -163,7 +165,7 @@ def choose_drive(
         if fastest > MAX_SPEED_RAD_S:
             unknown.append(hinge.name)
             fastest = NO_LOAD_SPEED_RAD_S
-        ramp = hinge.friction * PLANT_STEP_S / (FRICTION_TAKEN * hinge.armature)
+        ramp = hinge.friction * PLANT_STEP_S / (FRICTION_SHARE * hinge.armature)
         ratio = value_for(hinge.name, gear or {}) or GEAR_RATIO
         developed = max(FRICTION_SPEED_RAD_S, _ceil(ramp))
         motors[hinge.name] = JointMotor(peak[hinge.name], fastest, developed, ratio)

@@ -20,9 +20,13 @@ def test_files_and_specs_with_old_keys_still_load(go1: Robot, tmp_path: Path) ->
         assert settings.contact.max_force_n == 150.0
         assert (settings.slope.max_gradient, settings.slope.deadband) == (0.4, 0.1)
     assert load_settings("trot@touch_down.inertia_doubt=0.3", go1).touch_down.inertia_uncertainty == 0.3
-    file.write_text("safety: {recovery: {asked: true}, battery: {least_share: 0.7}, sensors: {limp_s: 0.2}}")
+    file.write_text(
+        "safety: {recovery: {asked: true}, battery: {least_share: 0.7, off_cell_v: 0.4}, "
+        "sensors: {limp_s: 0.2}}"
+    )
     safety = deploy_config(go1, file).safety
-    assert (safety.recovery.on_request, safety.battery.min_share) == (True, 0.7)
+    assert safety.recovery.on_request
+    assert (safety.battery.min_share, safety.battery.max_cell_deviation_v) == (0.7, 0.4)
     assert safety.sensors.no_torque_s == 0.2
     file.write_text("{most: 2.0, back_to: 0.5}")
     assert load(file, GainConfig) == GainConfig(max_gain=2.0, backoff=0.5)

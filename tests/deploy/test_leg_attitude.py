@@ -11,7 +11,7 @@ from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.robots.description import Robot
 
 LIMITS = SensorLimits()
-LOOK_S = 0.04
+PERIOD_S = 0.04
 ALL = np.ones(4)
 
 
@@ -29,11 +29,11 @@ class Stander:
     def update(self, up: np.ndarray, loads: np.ndarray = ALL) -> None:
         even_n = 9.81 * self.robot.legs.mass / self.robot.legs.count
         sensed = under_load(self.robot, loads[:, None] * even_n * up, 9.81 * up)
-        self.attitude.update(sensed.joint_position, sensed.joint_torque, up, LOOK_S)
+        self.attitude.update(sensed.joint_position, sensed.joint_torque, up, PERIOD_S)
 
-    def looks(self, up: np.ndarray) -> LegAttitude:
+    def settle(self, up: np.ndarray) -> LegAttitude:
         """Update until the estimate has settled."""
-        for _ in range(2 + round(LIMITS.resting_s / LOOK_S)):
+        for _ in range(2 + round(LIMITS.resting_s / PERIOD_S)):
             self.update(up)
         return self.attitude
 
@@ -45,21 +45,21 @@ def stander(go1: Robot) -> Stander:
 
 @pytest.mark.parametrize("angle", [0.0, 0.2, -0.5])
 def test_on_a_slope_both_attitudes_differ_by_its_angle(stander: Stander, angle: float) -> None:
-    attitude = stander.looks(nose_up(angle))
+    attitude = stander.settle(nose_up(angle))
     assert attitude.slope == pytest.approx(abs(angle), abs=1e-3)
     assert attitude.turn == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.3])
 def test_a_base_that_turns_without_its_legs_is_a_contradiction(stander: Stander, slope: float) -> None:
-    stander.looks(nose_up(slope))
+    stander.settle(nose_up(slope))
     stander.update(nose_up(slope + 0.1))
     assert stander.attitude.turn == pytest.approx(0.1, rel=1e-3)
 
 
 def test_three_other_feet_start_a_new_comparison(stander: Stander) -> None:
     three = np.array([1.0, 1.0, 1.0, 0.0])
-    stander.looks(UP)
+    stander.settle(UP)
     stander.update(nose_up(0.1), three)
     assert stander.attitude.turn == 0.0
     stander.update(nose_up(0.3), three)

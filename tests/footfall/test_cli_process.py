@@ -16,7 +16,7 @@ def run(*tokens: str, **options) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*FOOTFALL, *tokens], capture_output=True, text=True, check=False, **options)
 
 
-def test_the_api_and_help_load_no_room() -> None:
+def test_the_api_and_help_import_no_large_library() -> None:
     code = (
         "import sys, footfall; assert 'numpy' not in sys.modules;"
         "from footfall.cli import main; main(['--help']);"

@@ -118,10 +118,10 @@ def import_(
 
     target = _beside(file, ".mcap", out)
     check_outputs(target, inputs=[file, columns, config])
-    of = load_robot(robot)
-    settings = deploy_config(of, config).estimator
-    recorded = read_csv(file, load(columns, ColumnMap), of)
-    done = import_recording(recorded, of, settings, target, str(file))
+    model = load_robot(robot)
+    settings = deploy_config(model, config).estimator
+    recorded = read_csv(file, load(columns, ColumnMap), model)
+    done = import_recording(recorded, model, settings, target, str(file))
     motion = "estimated" if done.estimated else "not estimated: it needs an IMU, and forces or torques"
     print(f"{target}: {done.readings} readings of {done.duration_s:.1f} s{' with commands' * done.commanded}")
     print(f"attitude {done.attitude}; motion of the base {motion}")
@@ -251,12 +251,12 @@ def recover(file: Path, /, *, out: OptionalPath = None) -> int:
     out
         Repaired copy to write (default: FILE.recovered.mcap, in the same folder).
     """
-    whole = _beside(file, f".recovered{file.suffix}", out)
-    check_outputs(whole, inputs=[file])
+    target = _beside(file, f".recovered{file.suffix}", out)
+    check_outputs(target, inputs=[file])
     from footfall.deploy.recover import recover as recover_log
 
-    found = recover_log(file, whole)
-    print(f"{found.messages} messages in {whole}{_lost(found.damaged)}")
+    found = recover_log(file, target)
+    print(f"{found.messages} messages in {target}{_lost(found.damaged)}")
     return 0
 
 
