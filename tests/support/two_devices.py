@@ -64,13 +64,13 @@ def side_by_side(one: Data, other: Data) -> Data:
 
 @cache
 def learner(devices: int) -> Any:
-    """The compiled update on this number of devices; it gives each one's actor and gradient norms."""
+    """The compiled update on this number of devices; it gives the actor of each."""
     ppo, key = Ppo(NETWORKS, CONFIG.ppo, devices), jax.random.key(1)
     orders = ppo.orders(key, ENVIRONMENTS)
 
     def actor(*arguments: Any) -> Any:
-        learned, _, losses = ppo.update(*arguments, key, orders=orders)
-        return jax.tree.map(lambda x: x[None], (learned.policy, losses["gradient_norm"]))
+        learned, _, _ = ppo.update(*arguments, key, orders=orders)
+        return jax.tree.map(lambda x: x[None], learned.policy)
 
     if devices > 1:
         specs = (STATE_SPECS, PartitionSpec(None, *SHARDED), SHARDED)
@@ -79,7 +79,7 @@ def learner(devices: int) -> Any:
 
 
 def learnt(state: Any, data: Data, devices: int) -> list[Any]:
-    """The actor that each device ends up with, and the gradients' norms on the way."""
+    """The actor that each device ends up with."""
     actors = jax.device_get(learner(devices)(state, *data))
     return [jax.tree.map(lambda x, i=i: x[i], actors) for i in range(devices)]
 
@@ -107,15 +107,14 @@ def main() -> None:
     """Print what was seen, as JSON."""
     state = jax.jit(lambda: initial_state(ENV, NETWORKS, CONFIG.ppo, 0))()
     share, other = rollout(0), rollout(1)
-    ((alone, norms),) = learnt(state, share, 1)
-    (twice, norms_of_both), _ = learnt(state, side_by_side(share, share), 2)
-    (first, _), (second, _) = learnt(state, side_by_side(share, other), 2)
+    (alone,) = learnt(state, share, 1)
+    twice, _ = learnt(state, side_by_side(share, share), 2)
+    first, second = learnt(state, side_by_side(share, other), 2)
     placed = place(jax.device_get(state), shardings(STATE_SPECS, MESH))
     seen = {
         "devices": MESH.size,
         "moved": gap(alone, jax.device_get(state.params.policy)),
         "same_share_on_both": gap(alone, twice),
-        "gradient_norms": gap(norms_of_both / norms, np.ones_like(norms)),
         "other_share_on_the_second": gap(alone, first),
         "between_devices": gap(first, second),
         "statistics": gap(*statistics_and_expected()),

@@ -35,7 +35,6 @@ def results() -> dict[str, float]:
 def test_equal_shares_on_all_devices_train_as_one_device_does(results: dict[str, float]) -> None:
     assert results["moved"] > 1e-3
     assert results["same_share_on_both"] < 1e-6
-    assert results["gradient_norms"] < 1e-5
 
 
 def test_statistics_of_each_device_reach_all_devices(results: dict[str, float]) -> None:

@@ -6,8 +6,6 @@ from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
-import optax
 from jax.flatten_util import ravel_pytree
 from jax.sharding import AxisType, Mesh, NamedSharding, PartitionSpec
 
@@ -100,31 +98,12 @@ def mean_over_devices(count: int) -> Callable[[Any], Any]:
 
     def mean(tree: Any) -> Any:
         vector, unravel = ravel_pytree(tree)
-        return unravel(_mean(vector, count))
+        return unravel(_mean_of_two(vector) if count == 2 else jax.lax.pmean(vector, AXIS))
 
     return mean
 
 
-def gradient_over_devices(count: int) -> Callable[[Any, Any], tuple[Any, jax.Array, Any]]:
-    """Returns a function of a gradient and other values: the gradient's mean, its norm, the others' mean.
-
-    Over several devices the norm is that of the vector; a norm of all leaves takes two dozen kernels.
-    """
-    if count == 1:
-        return lambda gradient, others: (gradient, optax.global_norm(gradient), others)
-
-    def mean(gradient: Any, others: Any) -> tuple[Any, jax.Array, Any]:
-        vector, unravel = ravel_pytree((gradient, others))
-        size = sum(leaf.size for leaf in jax.tree.leaves(gradient))
-        averaged = _mean(vector, count)
-        gradient, others = unravel(averaged)
-        return gradient, jnp.sqrt(jnp.sum(jnp.square(averaged[:size]))), others
-
-    return mean
-
-
-def _mean(vector: jax.Array, count: int) -> jax.Array:
-    """The mean over the devices. Two exchange their vectors: one transfer, where an all-reduce takes two."""
-    if count > 2:
-        return jax.lax.pmean(vector, AXIS)
-    return 0.5 * (vector + jax.lax.ppermute(vector, AXIS, [(0, 1), (1, 0)]))
+def _mean_of_two(vector: jax.Array) -> jax.Array:
+    """The mean over two devices, which exchange their vectors: one transfer; an all-reduce takes two."""
+    other = jax.lax.ppermute(vector, AXIS, [(0, 1), (1, 0)])
+    return 0.5 * (vector + other)

@@ -19,9 +19,9 @@ from brax.training.types import Transition
 
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.envs.workarounds.fewer_kernels import fewer_kernels
-from footfall.train.brax.devices import gradient_over_devices
+from footfall.train.brax.devices import mean_over_devices
 from footfall.train.brax.networks import normalised
-from footfall.train.brax.state import TrainState, update_of
+from footfall.train.brax.state import TrainState, make_optimizer
 from footfall.train.brax.symmetry import mirror_half, with_mirror_images
 from footfall.train.config import PpoConfig
 
@@ -105,15 +105,15 @@ class Ppo:
         summary: Callable[[dict[str, jax.Array]], Any],
     ) -> tuple[Learner, Any]:
         """One gradient step on the samples of these environments."""
-        config, mean = self.config, gradient_over_devices(self.devices)
+        config, mean = self.config, mean_over_devices(self.devices)
         key, loss_key = jax.random.split(learner.key)
         # brax's loss takes (environment, time) and swaps the axes again: no data moves.
         batch = jax.tree.map(lambda x: jnp.swapaxes(_columns(x, environments), 0, 1), data)
         with fewer_kernels():
             gradient, losses = jax.grad(self._loss, has_aux=True)(learner.params, batch, loss_key, entropy)
-        gradient, norm, losses["kl_mean"] = mean(gradient, losses["kl_mean"])
-        losses["gradient_norm"] = norm
-        updates, optimizer = update_of(gradient, norm, learner.optimizer, learner.params, config)
+        gradient, losses["kl_mean"] = mean((gradient, losses["kl_mean"]))
+        updates, optimizer = make_optimizer(config).update(gradient, learner.optimizer, learner.params)
+        losses["gradient_norm"] = optax.global_norm(gradient)
         if config.desired_kl is not None:
             optimizer, _ = adaptive_kl_learning_rate(
                 optimizer, losses["kl_mean"], config.desired_kl, MIN_LEARNING_RATE, limit

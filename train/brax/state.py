@@ -55,33 +55,8 @@ LEARNER_SPECS = STATE_SPECS.learner
 
 def make_optimizer(config: PpoConfig) -> optax.GradientTransformation:
     """Adam with clipped gradient norm; the learning rate is part of its state."""
-    return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), _adam(config))
-
-
-def update_of(
-    gradient: Any, norm: jax.Array, optimizer: Any, params: Any, config: PpoConfig
-) -> tuple[Any, Any]:
-    """The update by `make_optimizer`'s transformation, from a gradient whose norm is known.
-
-    Args:
-        gradient: tree like the parameters.
-        norm: its global norm, a scalar.
-        optimizer: the optimiser's state.
-        params: the parameters.
-        config: the trainer's settings.
-
-    Returns:
-        What to add to the parameters, and the optimiser's next state.
-    """
-    clip, adam = optimizer
-    small, limit = norm < config.max_grad_norm, config.max_grad_norm
-    clipped = jax.tree.map(lambda x: jax.lax.select(small, x, (x / norm) * limit), gradient)
-    updates, adam = _adam(config).update(clipped, adam, params)
-    return updates, (clip, adam)
-
-
-def _adam(config: PpoConfig) -> optax.GradientTransformation:
-    return optax.inject_hyperparams(optax.adam)(learning_rate=config.learning_rate)
+    adam = optax.inject_hyperparams(optax.adam)(learning_rate=config.learning_rate)
+    return optax.chain(optax.clip_by_global_norm(config.max_grad_norm), adam)
 
 
 def initial_state(
