@@ -136,8 +136,8 @@ def test_a_timeout_differs_from_a_fall(environment: TorchEnvironment) -> None:
     environment.put(environment.episodes._replace(state=late))
     _, _, done, extras = environment.step(some_actions())
     assert torch.all(done == 1)
-    assert torch.all(extras["timeouts"][:5] == 0)
-    assert extras["timeouts"][5:].mean() > 0.5
+    assert torch.all(extras["time_outs"][:5] == 0)
+    assert extras["time_outs"][5:].mean() > 0.5
     assert torch.all(environment.episode_length_buf == 0)
     assert environment.take_metrics()["episode/length_s"] == pytest.approx(SMOKE.env.episode_s)
 
