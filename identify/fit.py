@@ -134,7 +134,7 @@ def fit_leg(
         noise,
         fitted,
         _track(Problem(leg, held_out_windows, problem.parameters, {}, noise, torque), x),
-        torque_error(problem, x),
+        torque_error(problem, x, torque),
         explained(problem, x) if config.explain and (fitted > MISFIT_RATIO * noise).any() else None,
         delay_profile(problem, x) if config.profile else None,
     )
@@ -216,14 +216,15 @@ def _windows(leg: FixedLeg, recordings: Sequence[Recording], config: FitConfig) 
     return joined([cut(each, leg.joints, config.window_s, step_s, config.rate_hz) for each in recordings])
 
 
-def torque_error(problem: Problem, x: np.ndarray) -> np.ndarray:
+def torque_error(problem: Problem, x: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Rms error of the torques beyond their noise, as a share of the rms reading, (n,); NaN without readings.
 
     Args:
         problem: problem of the fit.
         x: solution, (p,).
+        noise: standard deviation of the readings, N m, (n,): during a fit `torque_sigma` becomes the error's.
     """
-    error, reading, noise = problem.errors(x[:, None])[1][0], problem.windows.torque, problem.torque_sigma
+    error, reading = problem.errors(x[:, None])[1][0], problem.windows.torque
     beyond = np.sqrt(np.maximum(_rms(error) ** 2 - noise**2, 0.0))
     return np.where(np.isfinite(noise), beyond / np.maximum(_rms(reading), MIN_TORQUE_SIGMA_NM), np.nan)
 
