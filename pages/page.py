@@ -87,7 +87,7 @@ def _refusal(family: int, kind: int, protocol: int, address: tuple) -> OSError |
 
 
 def _no_page(host: str, port: int, reason: str | None) -> UserError:
-    return UserError(f"cannot serve a page at {host}:{port}: {reason}; give another --host or --port")
+    return UserError(f"cannot serve a page at {host}:{port}: {reason}; give another host or port")
 
 
 def _quietly() -> "redirect_stdout[io.StringIO]":
