@@ -40,7 +40,7 @@ from footfall.train.origin import Exported, read_exported
 
 Array = jax.Array | np.ndarray
 Layers = tuple[tuple[Array, Array], ...]  # kernel and bias
-STEPS, BATCHES, EPOCHS = 8, 8, 3  # control steps of an iteration; mini-batches and epochs of its samples
+STEPS, BATCHES = 8, 8  # control steps of an iteration; mini-batches of its samples
 LAST_RATE = 0.01  # share of the learning rate at the end
 LEVEL_SHARE = 0.07  # of the standing height: heights that differ by less are level ground
 EXTRA_SHARE = 0.25  # additional units of a layer, as a share of the first teacher's
@@ -80,11 +80,12 @@ class Imitation:
     noise: float  # deviation of the student's actions
     learning_rate: float
     level_weight: float  # of errors on level ground, where the second teacher gives the actions
+    epochs: int  # passes over an iteration's samples
 
     @cached_property
     def optimizer(self) -> optax.GradientTransformation:
         """Adam with a falling learning rate."""
-        steps = self.iterations * EPOCHS * BATCHES
+        steps = self.iterations * self.epochs * BATCHES
         rates = optax.cosine_decay_schedule(self.learning_rate, steps, LAST_RATE)
         return optax.chain(optax.clip_by_global_norm(1.0), optax.adam(rates))
 
@@ -109,7 +110,7 @@ class Imitation:
         episodes, (samples, figures) = jax.lax.scan(act, student.episodes, jax.random.split(steps, STEPS))
         epoch = partial(self._epoch, samples=samples)
         learner = (student.layers, student.optimizer)
-        learner, losses = jax.lax.scan(epoch, learner, jax.random.split(order, EPOCHS))
+        learner, losses = jax.lax.scan(epoch, learner, jax.random.split(order, self.epochs))
         figures = jnp.concatenate([losses.mean(axis=(0, 1)), figures.mean(axis=0)])
         return Student(*learner, episodes, key), figures
 
@@ -224,6 +225,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=0.1, help="deviation of the student's actions")
     parser.add_argument("--learning-rate", type=float, default=5e-4)
     parser.add_argument("--level-weight", type=float, default=1.0, help="of errors where the ground is level")
+    parser.add_argument("--epochs", type=int, default=3, help="passes over an iteration's samples")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
@@ -233,7 +235,7 @@ def main() -> None:
     if contract.observation != env.contract.observation or contract.observation[-1].name != NAME:
         parser.error("the teacher's observation is not the preset's, or does not end with a height scan")
     count = max(1, options.steps // (STEPS * options.envs))
-    numbers = options.noise, options.learning_rate, options.level_weight
+    numbers = options.noise, options.learning_rate, options.level_weight, options.epochs
     common = (env, read_exported(options.teacher), options.envs, count, *numbers)
     imitation = Imitation(*common)
     if options.level_teacher:
