@@ -34,7 +34,7 @@ from footfall.identify.shooting import Shooting
 WINDOW_S, READ_HZ, MARGIN_S = 0.5, 125.0, 0.05
 NUMBERS = (*BASE, *EFFECTS)
 NAMES = [each.name for each in NUMBERS]
-SIGMA_RAD = 0.005  # an error that counts as one
+SIGMA_RAD = 0.005  # standard deviation of a reading, the unit of errors
 START_SIGMA = (0.003, 0.003, 0.3, 0.3)  # rad, rad/s
 FIT_POINTS = 5  # readings on either side from which a start is estimated
 PUBLISHED = {  # design A, model 2.0: I1, I2, rotor, friction, m1, m2, r1, r2, l1 as base parameters
@@ -86,14 +86,14 @@ def files(folder: str) -> tuple[Path, ...]:
 def problem(folder: str) -> Shooting:
     """All windows of all recordings."""
     margin, steps = round(MARGIN_S / STEP_S), round(WINDOW_S / STEP_S)
-    given, read_at, measured, starts, recording = [], [], [], [], []
+    torques, read_at, measured, starts, recording = [], [], [], [], []
     for index, path in enumerate(files(folder)):
         time_s, position, torque = read(path)
         begin = time_s[0] + MARGIN_S + 0.02
         for window in range(int((time_s[-1] - begin - 0.02) / WINDOW_S)):
             start_s = begin + window * WINDOW_S
             middles = start_s + STEP_S * (np.arange(-margin, steps) + 0.5)
-            given.append(np.stack([np.interp(middles, time_s, torque[:, j]) for j in (0, 1)], axis=1))
+            torques.append(np.stack([np.interp(middles, time_s, torque[:, j]) for j in (0, 1)], axis=1))
             rows = np.searchsorted(time_s, start_s + np.arange(int(WINDOW_S * READ_HZ)) / READ_HZ)
             read_at.append((time_s[rows] - start_s) / STEP_S)
             measured.append(position[rows])
@@ -102,7 +102,7 @@ def problem(folder: str) -> Shooting:
             curve = np.polynomial.polynomial.polyfit(time_s[near] - start_s, position[near], 2)
             starts.append(curve[:2].ravel())
             recording.append(index)
-    inputs = Inputs(np.stack(given), margin, STEP_S, np.array(read_at))
+    inputs = Inputs(np.stack(torques), margin, STEP_S, np.array(read_at))
     return Shooting(
         rollouts(accelerate, inputs, NUMBERS, ("delay_1", "delay_2"), (None, "strength_2")),
         NUMBERS,
@@ -187,8 +187,10 @@ def report_parameters(fits: dict[tuple[str, int], np.ndarray]) -> None:
     for name, value in derived(fits["fit", 0]).items():
         low, high = interval([each[name] for each in draws])
         published_value = published.get(name)
-        off = f"{100 * (value / published_value - 1):+.1f} %" if published_value else ""
-        rows.append([name, f"{value:.4g}", f"{low:.4g} to {high:.4g}", f"{published_value or 0:.4g}", off])
+        difference = f"{100 * (value / published_value - 1):+.1f} %" if published_value else ""
+        rows.append(
+            [name, f"{value:.4g}", f"{low:.4g} to {high:.4g}", f"{published_value or 0:.4g}", difference]
+        )
     print(table(["parameter", "fit", "95 % over recordings", "published", "difference"], rows))
 
 
@@ -202,9 +204,9 @@ def report_motion(windows: Shooting, fits: dict[tuple[str, int], np.ndarray], na
     sets = [*errors.values(), windows.errors(np.array([PUBLISHED.get(name, 0.0) for name in NAMES]))]
     rows = []
     for index, name in enumerate([*names, "all"]):
-        mine = windows.recording == index if index < len(names) else windows.recording >= 0
-        shares = [explained(each[mine], windows.measured[mine]) for each in sets]
-        rms = 1e3 * np.sqrt((sets[0][mine] ** 2).mean(axis=(0, 1)))
+        rows_of_file = windows.recording == index if index < len(names) else windows.recording >= 0
+        shares = [explained(each[rows_of_file], windows.measured[rows_of_file]) for each in sets]
+        rms = 1e3 * np.sqrt((sets[0][rows_of_file] ** 2).mean(axis=(0, 1)))
         cells = [", ".join(f"{100 * share:.2f}" for share in each) for each in shares]
         rows.append([name, *cells, ", ".join(f"{each:.1f}" for each in rms)])
     head = [

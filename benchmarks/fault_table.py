@@ -47,7 +47,7 @@ def is_tried(subject: Subject, kind: FaultKind) -> bool:
         return is_first(subject) and subject.robot in GET_UP
     if kind.powered:
         return is_first(subject) and subject.robot in POWERED
-    return not kind.estimating or policy_of(subject.robot, subject.policy).needs_estimate
+    return not kind.needs_estimate or policy_of(subject.robot, subject.policy).needs_estimate
 
 
 def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[str]]:

@@ -14,7 +14,7 @@ Each fault is applied, alone, to a copy of the repository, on which a few test f
 name the changed module run first, `test_<module>.py` before the others. Faults that these do not notice then
 get the other test files of their room. A fault is done when a test fails that passes on an unchanged copy;
 --failing lists tests that fail there, one a line. One JSON object for each run is appended to --out as it
-ends; runs that --out has already are not repeated.
+ends; runs that are already in --out are not repeated.
 A fault is noticed if a test fails, and not noticed if all files of its room have passed. It is open if some
 were not run or ran out of time.
 """
@@ -139,30 +139,30 @@ class Tests:
 def run(job: Job, copy: Path, clean: Path, tests: Tests) -> dict[str, object]:
     """Put a job's fault into a copy, run the job's tests, take the fault out again."""
     began, file = time.monotonic(), copy / job.fault["file"]
-    right, by, timed_out = file.read_text(), None, False
+    original, failed, timed_out = file.read_text(), None, False
     try:
-        file.write_text(right.replace(job.fault["old"], job.fault["new"]))
+        file.write_text(original.replace(job.fault["old"], job.fault["new"]))
         while targets := tests.without_failing(job.files):
-            by = tests.first_failure(copy, targets)
-            if by is None or tests.passes(clean, by):
+            failed = tests.first_failure(copy, targets)
+            if failed is None or tests.passes(clean, failed):
                 break
-            by = None
+            failed = None
     except subprocess.TimeoutExpired:
         timed_out = True
     finally:
-        file.write_text(right)
+        file.write_text(original)
     seconds = round(time.monotonic() - began)
     return {
         "id": job.fault["id"],
         "files": job.files,
-        "by": by,
+        "by": failed,  # the test that noticed the fault
         "timed_out": timed_out,
         "seconds": seconds,
     }
 
 
 def print_score(faults: list[dict[str, str]], jobs: list[Job], results: list[dict[str, Any]]) -> None:
-    """For each room how many faults are noticed, not noticed, open; then what the latter two are."""
+    """Print the numbers of noticed, not noticed and open faults of each room; then list the latter two."""
     noticed = {result["id"] for result in results if result["by"]}
     passed = {
         (result["id"], file)
@@ -204,7 +204,7 @@ def read_options() -> argparse.Namespace:
         "--python",
         default=sys.executable,
         type=os.path.abspath,  # tests run in another folder
-        help="path of one that has pytest and footfall's libraries",
+        help="path of a Python with pytest and footfall's libraries",
     )
     parser.add_argument("--out", type=Path, default=Path("faults.jsonl"))
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds of one pytest")
@@ -236,7 +236,7 @@ def main() -> None:
     for job in sorted(jobs, key=lambda job: (job.stage, job.fault["id"].rsplit("-")[-1])):
         if (job.fault["id"], job.files) not in known:
             waiting.put(job)
-    began, writing = time.monotonic(), threading.Lock()
+    began, out_lock = time.monotonic(), threading.Lock()
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         (scratch / "jax").mkdir(mode=0o700)
@@ -260,7 +260,7 @@ def main() -> None:
                 except RuntimeError as error:  # not kept: it is tried again next time
                     print(f"{job.fault['id']}: {error}", flush=True)
                     continue
-                with writing, options.out.open("a") as out:
+                with out_lock, options.out.open("a") as out:
                     out.write(json.dumps(result) + "\n")
                     results.append(result)
                     if result["by"]:

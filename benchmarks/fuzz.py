@@ -177,25 +177,25 @@ def run_piece(piece: tuple[str, int, int]) -> dict[str, Any]:
     return {
         "what": what,
         "cases": end - first,
-        "ends": tally.ends,
-        "escaped": tally.escaped,
+        "outcomes": tally.outcomes,
+        "unexpected": tally.unexpected,
         "seconds": round(time.perf_counter() - began, 1),
     }
 
 
 def summary(what: str, pieces: list[dict[str, Any]]) -> dict[str, Any]:
     """All pieces of a kind as one."""
-    of = [each for each in pieces if each["what"] == what]
+    chosen = [each for each in pieces if each["what"] == what]
     readers: dict[str, Counter[str]] = {}
-    for each in of:
-        for reader, ends in each["ends"].items():
-            readers.setdefault(reader, Counter()).update(ends)
+    for each in chosen:
+        for reader, counts in each["outcomes"].items():
+            readers.setdefault(reader, Counter()).update(counts)
     return {
         "what": what,
-        "cases": sum(each["cases"] for each in of),
+        "cases": sum(each["cases"] for each in chosen),
         "readers": readers,
-        "escaped": sum(len(each["escaped"]) for each in of),
-        "seconds": round(sum(each["seconds"] for each in of), 1),
+        "unexpected": sum(len(each["unexpected"]) for each in chosen),
+        "seconds": round(sum(each["seconds"] for each in chosen), 1),
     }
 
 
@@ -213,12 +213,12 @@ def main() -> int:
     pieces, errors = run_resumable(run_piece, tasks, options.out, options.workers, options.time_limit)
     for what in options.what:
         print(json.dumps(summary(what, pieces)), flush=True)
-    escaped = {label: trace for each in pieces for label, trace in each["escaped"].items()}
-    for label, trace in list(escaped.items())[:MAX_SHOWN]:
+    unexpected = {label: trace for each in pieces for label, trace in each["unexpected"].items()}
+    for label, trace in list(unexpected.items())[:MAX_SHOWN]:
         print(f"-- {label}\n{trace}", file=sys.stderr)
     for line in errors:
         print(line, file=sys.stderr)
-    return 1 if escaped or errors else 0
+    return 1 if unexpected or errors else 0
 
 
 if __name__ == "__main__":

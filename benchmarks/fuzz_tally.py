@@ -14,17 +14,17 @@ class Tally:
     """Outcomes of the cases."""
 
     def __init__(self) -> None:
-        self.ends: dict[str, Counter[str]] = {}  # counts of outcomes, by reader
-        self.escaped: dict[str, str] = {}
+        self.outcomes: dict[str, Counter[str]] = {}  # counts by reader
+        self.unexpected: dict[str, str] = {}  # tracebacks of unexpected exceptions
 
     def attempt(self, reader: str, case: int, work: Callable[[], object]) -> None:
         """Run `work` of a reader; any exception but a UserError counts as unexpected."""
-        ends = self.ends.setdefault(reader, Counter())
+        counts = self.outcomes.setdefault(reader, Counter())
         try:
             work()
-            ends["taken"] += 1
+            counts["accepted"] += 1
         except UserError:
-            ends["refused"] += 1
+            counts["refused"] += 1
         except BaseException:
-            ends["escaped"] += 1
-            self.escaped[f"{reader} {case}"] = traceback.format_exc()[-1500:]
+            counts["unexpected"] += 1
+            self.unexpected[f"{reader} {case}"] = traceback.format_exc()[-1500:]

@@ -33,11 +33,11 @@ from footfall.robots.importer.create import ImportRequest, import_robot
 TABLE = Path(__file__).with_suffix(".yaml")
 SPEED_M_S = 0.3
 SHOWN = ("stand", "balance", "step", "trot", "mpc", "mpc-wbc")
-WALKED = 0.5  # smallest share of the commanded speed that counts as walking
+MIN_SPEED_SHARE = 0.5  # smallest share of the commanded speed that counts as walking
 
 
 class Trial(NamedTuple):
-    """A robot, and the duration and number of each controller's walks."""
+    """A robot, the duration of each walk, s, and the number of walks with each controller."""
 
     robot: str
     seconds: float
@@ -90,13 +90,13 @@ def _walk(folder: Path, controller: str, seconds: float, seed: int) -> dict[str,
         command_source=lambda _: command, duration_s=seconds, seed=seed, noise=load_scenarios(robot).noise
     )
     trace = run_episode(robot, load_policy(controller, robot), episode)
-    late = trace.base_velocity[len(trace.time_s) // 2 :, :2]
+    second_half = trace.base_velocity[len(trace.time_s) // 2 :, :2]
     return {
         "fell": trace.fell or bool(trace.faults),
         "why": trace.fall_reason or "; ".join([*trace.faults, *trace.notes]),
         "seconds": trace.walked_s,
-        "speed_m_s": float(late[:, 0].mean()) if len(late) else 0.0,
-        "sway_m_s": float(np.linalg.norm(late, axis=1).max(initial=0.0)),
+        "speed_m_s": float(second_half[:, 0].mean()) if len(second_half) else 0.0,
+        "sway_m_s": float(np.linalg.norm(second_half, axis=1).max(initial=0.0)),
     }
 
 
@@ -133,7 +133,9 @@ def _reasons(result: dict[str, Any]) -> Iterator[str]:
         yield f"refused: {result['refused']}"
         return
     for name, walks in result["controllers"].items():
-        slow = CONTROLLERS[name].walks and np.mean([w["speed_m_s"] for w in walks]) < WALKED * SPEED_M_S
+        slow = (
+            CONTROLLERS[name].walks and np.mean([w["speed_m_s"] for w in walks]) < MIN_SPEED_SHARE * SPEED_M_S
+        )
         failed = next((walk for walk in walks if walk["fell"]), walks[0] if slow else None)
         if failed is not None:
             yield f"{name}: after {failed['seconds']:.1f} s: {failed['why'] or 'too slow'}"

@@ -135,12 +135,12 @@ def main() -> None:
     )
     parser.add_argument("--switches", type=int, default=100, help="in each direction")
     parser.add_argument("--workers", type=int, default=2)
-    given = parser.parse_args()
-    first, second = given.pair.split(",")
-    max_command = tuple(float(part) for part in given.command.split(","))
+    options = parser.parse_args()
+    first, second = options.pair.split(",")
+    max_command = tuple(float(part) for part in options.command.split(","))
     print(
         json.dumps(
-            measure(given.robot, (first, second), max_command, given.switches, given.workers), indent=1
+            measure(options.robot, (first, second), max_command, options.switches, options.workers), indent=1
         )
     )
 

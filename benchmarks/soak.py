@@ -53,22 +53,22 @@ class Watcher:
         self._every_us, self._next_us, self._realtime = every_s * 1e6, 0.0, realtime
         self._end_us = end_s * 1e6
         self.out_of_time = False
-        self._begun = 0.0
+        self._start_us = 0.0  # wall-clock time at the loop's time 0
         self.memory_mib: list[float] = []
         self._behind_us: list[float] = []  # delay of the loop's time relative to the other clock
 
     def update(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Measure; to be called after each tick."""
         wall_us = time.monotonic() * 1e6
-        if not self._begun:
-            self._begun = wall_us - loop.now_us
+        if not self._start_us:
+            self._start_us = wall_us - loop.now_us
         if wall_us > self._end_us and not self.out_of_time:
             self.out_of_time = True
             loop.finish()
         if loop.now_us < self._next_us:
             return
         self._next_us += self._every_us
-        other_us = wall_us - self._begun if self._realtime else float(body.time_us)
+        other_us = wall_us - self._start_us if self._realtime else float(body.time_us)
         self._behind_us.append(other_us - loop.now_us)
         self.memory_mib.append(int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 2**20)
 
@@ -97,13 +97,13 @@ def long_run(task: tuple[str, float, int, str, str], end_s: float) -> dict[str, 
         began = time.monotonic()
         trace = run_episode(robot, load_policy(policy, robot), episode, watcher.update)
         wall_s, log_mib = time.monotonic() - began, log.stat().st_size / 2**20
-    as_long = watcher.out_of_time or abs(trace.walked_s - seconds) < 0.1
-    whole = trace.final_state == "IDLE" and as_long
-    flat = watcher.growth() < MAX_GROWTH
-    steady = abs(watcher.drift_us()) <= MAX_DRIFT_TICKS * config.tick_us
+    long_enough = watcher.out_of_time or abs(trace.walked_s - seconds) < 0.1
+    complete = trace.final_state == "IDLE" and long_enough
+    memory_constant = watcher.growth() < MAX_GROWTH
+    in_time = abs(watcher.drift_us()) <= MAX_DRIFT_TICKS * config.tick_us
     return {
         "part": kind,
-        "good": whole and flat and steady,
+        "good": complete and memory_constant and in_time,
         "out_of_time": watcher.out_of_time,
         "walked_s": trace.walked_s,
         "wall_s": wall_s,

@@ -141,9 +141,9 @@ def main() -> None:
     parser.add_argument("--memory", default="3G")
     parser.add_argument("--out", type=Path, default=Path("socketcan_qemu"))
     options = parser.parse_args()
-    lacking = [name for name in NEEDED if shutil.which(name) is None]
-    if lacking:
-        sys.exit(f"missing: {', '.join(lacking)} (see the head of this file)")
+    missing = [name for name in NEEDED if shutil.which(name) is None]
+    if missing:
+        sys.exit(f"missing: {', '.join(missing)} (installed as in the docstring of this file)")
     options.out.mkdir(parents=True, exist_ok=True)
     arguments = ["benchmarks/socketcan.py", "--out", "/dev/shm/out", "--policy", options.policy]
     arguments += ["--joint-rate", str(options.joint_rate)]

@@ -123,9 +123,10 @@ class CommandSource(Protocol):
         """Requested stop; None if none. Read at each tick, so it must be cheap."""
 
     def poll(self, status: Status) -> Request:
-        """Newest request, without waiting. A request while the robot does not walk takes effect once it
-        walks,
-        except lying down."""
+        """Newest request, without waiting.
+
+        A request before the robot walks takes effect once it walks; lying down takes effect at once.
+        """
 
 
 class StopSource(Protocol):

@@ -22,7 +22,7 @@ class SafetyConfig:
     damping_kd: float = 3.0  # N m s/rad
     damping_s: float = 0.5  # duration of damping before the motors are disabled
     pause_limit_s: float = 0.07  # longest time between two ticks; motors without commands disable themselves
-    guard_share: float = 1.1  # of the longer of both limits: time after which a guard damps the robot
+    guard_share: float = 1.1  # of the longer of pause_limit_s and late_limit_s: when a guard damps the robot
     skipped_share: float = 0.25  # of the last second's ticks that may be skipped because the loop is late
     first_pose_rad: float = 0.1  # allowed start beyond a joint's range: calibration is not exact
     sensors: SensorLimits = field(default_factory=SensorLimits)

@@ -223,7 +223,7 @@ def require_parts(name: str, robot: Robot) -> None:
         raise UserError(f"randomisation.{name}: robot '{robot.name}' declares no {missing} in robot.yaml")
 
 
-def policies_notice(name: str) -> bool:
+def affects_policies(name: str) -> bool:
     """Whether a quantity acts on more than a sensor that no learned policy reads."""
     return QUANTITIES[name].force_sensor is None and QUANTITIES[name].accelerometer is None
 
@@ -231,7 +231,7 @@ def policies_notice(name: str) -> bool:
 def refuse_unread_sensors(randomisation: Randomisation) -> None:
     """Raise UserError if training randomises sensors that no learned policy reads."""
     for name in QUANTITIES:
-        if not policies_notice(name) and getattr(randomisation, name) is not None:
+        if not affects_policies(name) and getattr(randomisation, name) is not None:
             raise UserError(
                 f"randomisation.{name}: no learned policy reads this sensor; declare it in"
                 f" {OWN_FILE} of the robot's folder, for the simulated robot"

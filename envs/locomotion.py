@@ -124,9 +124,9 @@ class LocomotionEnv:
     ) -> tuple[State, dict[str, jax.Array]]:
         n, substeps, events = self.action_size, self.config.substeps, self.disturbances
         key, sample_key, rest_key = jax.random.split(key, 3)
-        noises, drawn = self.observer.numbers, self.task.command.numbers
+        noise_size, command_size = self.observer.numbers, self.task.command.numbers
         *resets, noise, command, (hold, *intervals), clock = uniform(
-            rest_key, *events.reset_numbers, noises, drawn, events.timers, 1
+            rest_key, *events.reset_numbers, noise_size, command_size, events.timers, 1
         )
         sample = self._draw_robot(sample_key, level)
         nominal = SimpleNamespace(**jax.tree.map(jnp.asarray, self._nominal))

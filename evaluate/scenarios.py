@@ -190,7 +190,7 @@ class ScenarioFile:
         return {name: self.scenarios[name] for name in names}
 
 
-def described() -> dict[str, Scenario]:
+def shipped_scenarios() -> dict[str, Scenario]:
     """The shipped scenarios by name; commands and loads are shares of a robot's ranges."""
     shares = dict.fromkeys(SHARES.values(), (-1.0, 1.0))
     return structure(_in_units(read_yaml(DEFAULT), shares), ScenarioFile, str(DEFAULT)).scenarios

@@ -60,35 +60,37 @@ def _alone(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> st
     shown = []
     for figure, scenario in rows:
         ((name, summary),) = by_scenario[scenario].items()
-        sure = interval_text(figure, summary)
+        interval = interval_text(figure, summary)
         verb = "fell in" if figure.key == "falls" else _lower(figure.label)
-        shown.append(f"{verb} {text(figure, summary)} {figure.unit}".strip() + (f" ({sure})" if sure else ""))
+        shown.append(
+            f"{verb} {text(figure, summary)} {figure.unit}".strip() + (f" ({interval})" if interval else "")
+        )
     return f"Over {_counted(by_scenario)}, {name} {'; '.join(shown)} (95 % intervals in brackets)."
 
 
 def _ranking(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> str:
     clear: dict[tuple[str, ...], list[str]] = {}
-    marred: list[str] = []
+    qualified: list[str] = []  # leads of policies that fall more often
     unclear: list[str] = []
     for figure, scenario in rows:
         names, summaries = list(by_scenario[scenario]), list(by_scenario[scenario].values())
         first = leaders(figure, summaries)
         if first:
             group = tuple(names[index] for index in sorted(first))
-            done = figure.leads if len(group) == 1 else _plural(figure.leads)
-            clear.setdefault(group, []).append(f"{done} ({_evidence(figure, names, summaries)})")
+            claim = figure.leads if len(group) == 1 else _plural(figure.leads)
+            clear.setdefault(group, []).append(f"{claim} ({_evidence(figure, names, summaries)})")
         elif smallest := leaders(replace(figure, upright=False), summaries):
             leading = _listed([names[index] for index in sorted(smallest)])
             one = len(smallest) == 1
-            marred.append(
+            qualified.append(
                 f"{leading} {'leads' if one else 'lead'} in {_lower(figure.label)}"
                 f" but {'falls' if one else 'fall'} more often than others"
             )
         else:
             # Falls are counted in every scenario: name the scenario, or a reader would take these for all.
-            among = figure.key == "falls" and len(by_scenario) > 1
-            unclear.append(_lower(figure.label) + (f" in {scenario}" if among else ""))
-    claims = [f"{_listed(group)} {_listed(done)}" for group, done in clear.items()] + marred
+            name_scenario = figure.key == "falls" and len(by_scenario) > 1
+            unclear.append(_lower(figure.label) + (f" in {scenario}" if name_scenario else ""))
+    claims = [f"{_listed(group)} {_listed(leads)}" for group, leads in clear.items()] + qualified
     nothing = f"no clear difference in {_listed(unclear, 'or')}" if unclear else ""
     if not claims:
         return f"Over {_counted(by_scenario)} there is {nothing}: the 95 % intervals overlap."

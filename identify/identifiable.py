@@ -63,7 +63,7 @@ def delay_profile(problem: Problem, x: np.ndarray) -> Profile:
     Returns:
         Shifts in seconds, rms of the residuals in units of their noise, and the other parameters in scales.
     """
-    few = coarsened(problem)
+    coarse = coarsened(problem)
     numbers = problem.numbers(x[:, None])[:, 0]
     delays = {
         each: value for each, value in zip(problem.parameters, numbers, strict=True) if each.quantity == DELAY
@@ -73,9 +73,9 @@ def delay_profile(problem: Problem, x: np.ndarray) -> Profile:
 
     def fit_at(shift_s: float) -> tuple[float, np.ndarray]:
         fixed = problem.fixed | {each: max(0.0, value + shift_s) for each, value in delays.items()}
-        held = replace(few, parameters=free, fixed=fixed)
-        best = gauss_newton(held, PROFILE_ROUNDS, x[rest])
-        position, _ = held.errors(best[:, None])
-        return float(np.sqrt(((position / held.position_sigma) ** 2).mean())), best
+        shifted = replace(coarse, parameters=free, fixed=fixed)
+        best = gauss_newton(shifted, PROFILE_ROUNDS, x[rest])
+        position, _ = shifted.errors(best[:, None])
+        return float(np.sqrt(((position / shifted.position_sigma) ** 2).mean())), best
 
     return profile(fit_at, SHIFTS_S.tolist())

@@ -112,8 +112,8 @@ class Problem:
     def _start_costs(self, x: np.ndarray, start: np.ndarray) -> np.ndarray:
         """Cost of each window with its start, (C, W), for C choices of starts (C, W, 2, n)."""
         found = self._residuals(np.repeat(x[:, None], len(start), axis=1), start)
-        away = (start - self.windows.start) / START_SIGMA[:, None]
-        costs: np.ndarray = (found**2).sum(axis=2) + (away**2).sum(axis=(2, 3))
+        deviation = (start - self.windows.start) / START_SIGMA[:, None]
+        costs: np.ndarray = (found**2).sum(axis=2) + (deviation**2).sum(axis=(2, 3))
         return costs
 
     def reweight(self, x: np.ndarray) -> None:

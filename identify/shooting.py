@@ -87,9 +87,9 @@ class Shooting:
                 that is listed twice counts twice.
             without: (W,) true for windows that do not count.
         """
-        times = np.bincount(np.asarray(recordings), minlength=int(self.recording.max()) + 1)
-        kept = times[self.recording] * (1.0 if without is None else ~without)
-        sizes = np.bincount(self.recording, weights=kept > 0.0, minlength=len(times))
+        repeats = np.bincount(np.asarray(recordings), minlength=int(self.recording.max()) + 1)
+        kept = repeats[self.recording] * (1.0 if without is None else ~without)
+        sizes = np.bincount(self.recording, weights=kept > 0.0, minlength=len(repeats))
         weight = kept / np.maximum(sizes, 1.0)[self.recording]
         return replace(self, window_weight=weight / weight.sum() * (weight > 0.0).sum())
 
@@ -177,8 +177,8 @@ class Shooting:
         )
 
         def cost(residuals: np.ndarray, start: np.ndarray) -> np.ndarray:
-            away = (start - prior) / self.start_sigma
-            result: np.ndarray = (residuals**2).sum(axis=1) + (weight * away**2).sum(axis=1)
+            deviation = (start - prior) / self.start_sigma
+            result: np.ndarray = (residuals**2).sum(axis=1) + (weight * deviation**2).sum(axis=1)
             return result
 
         moved = self.start + step.move

@@ -27,24 +27,24 @@ def answered(
         UserError: the address cannot be used.
     """
     ended = threading.Event()
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         try:
-            plug.bind(address)
+            listener.bind(address)
         except OSError as error:
             raise UserError(f"{option}: {address[0]}:{address[1]}: {error.strerror or error}") from None
-        plug.settimeout(WAIT_S)
+        listener.settimeout(WAIT_S)
 
         def listen() -> None:
             while not ended.is_set():
                 with suppress(OSError):  # no datagram, or the sender is gone
-                    datagram, sender = plug.recvfrom(largest + 1)
+                    datagram, sender = listener.recvfrom(largest + 1)
                     if reply := answer(datagram):
-                        plug.sendto(reply, sender)
+                        listener.sendto(reply, sender)
 
         thread = threading.Thread(target=listen, name=option, daemon=True)
         thread.start()
         try:
-            yield plug.getsockname()[1]
+            yield listener.getsockname()[1]
         finally:
             ended.set()
             thread.join(JOIN_S)

@@ -22,7 +22,7 @@ RETRY_S = 0.1
 ENCODING = "cdr"
 
 
-class Fan(ServerListener):
+class Publisher(ServerListener):
     """Publishes messages, and repeats the last one of a latched topic for each new subscriber."""
 
     def __init__(self) -> None:
@@ -62,10 +62,10 @@ def end_with_input() -> None:
 def main() -> int:
     feed, host, port = sys.argv[1], sys.argv[2], int(sys.argv[3])
     logging.getLogger("foxglove").setLevel(logging.ERROR)
-    fan = Fan()
+    publisher = Publisher()
     try:
         server = foxglove.start_server(
-            name="footfall", host=host, port=port, capabilities=[], services=[], server_listener=fan
+            name="footfall", host=host, port=port, capabilities=[], services=[], server_listener=publisher
         )
     except Exception as error:  # the library has several error types
         print(" ".join(str(error).split()), flush=True)
@@ -79,7 +79,7 @@ def main() -> int:
         except OSError:
             time.sleep(RETRY_S)
     for message in reader:
-        fan.pass_on(message)
+        publisher.pass_on(message)
     server.stop()
     return 0
 

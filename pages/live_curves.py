@@ -52,8 +52,8 @@ class LiveCurves:
         if values and time_s < values[-1][0]:  # a new episode
             values.clear()
             self._next_s = 0.0
-        moving, command = moment.moving.tolist(), np.asarray(moment.command).tolist()
-        pairs = [number for pair in zip(moving, command, strict=True) for number in pair]
+        measured, command = moment.command_velocity.tolist(), np.asarray(moment.command).tolist()
+        pairs = [number for pair in zip(measured, command, strict=True) for number in pair]
         hardest = 100.0 * float((np.abs(moment.sensed.joint_torque) / self._max_nm).max())
         values.append([time_s, *pairs, float(tilt(moment.quaternion)), hardest])
         while values[0][0] < time_s - WINDOW_S:

@@ -20,6 +20,6 @@ class Moment(NamedTuple):
     footholds: np.ndarray | None = None  # (feet, 3) m, as of `PlansFootholds`; None without a plan
 
     @property
-    def moving(self) -> np.ndarray:
+    def command_velocity(self) -> np.ndarray:
         """The velocity in the command's axes: forward m/s, leftward m/s, yaw rad/s, (3,)."""
         return np.array([*self.velocity[:2], self.sensed.gyro[2]])

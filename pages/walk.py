@@ -177,8 +177,8 @@ class Walk:
     def _show(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         truth, status = body.truth(), self._status
         moment = true_moment(loop, truth, self._panel.command)
-        moving = np.array([*truth.base_velocity[:2], truth.base_angular_velocity[2]])
-        status.velocity = status.velocity + SMOOTHING * (moving - status.velocity)
+        velocity = np.array([*truth.base_velocity[:2], truth.base_angular_velocity[2]])
+        status.velocity = status.velocity + SMOOTHING * (velocity - status.velocity)
         status.command, status.mode = moment.command, loop.state.mode.value
         status.pace, status.restart_s = self._pace.factor, EPISODE_S
         status.walked_s = loop.walking_s if loop.walking else 0.0

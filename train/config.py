@@ -17,7 +17,7 @@ from footfall.common.config import (
 )
 from footfall.common.errors import UserError
 from footfall.common.hints import did_you_mean
-from footfall.domain_rand.randomisation import default_ranges, own_ranges, policies_notice
+from footfall.domain_rand.randomisation import affects_policies, default_ranges, own_ranges
 from footfall.envs.config import TERM_LISTS, EnvConfig, default_terms, with_lists
 from footfall.envs.old_settings import SCALES, SECTIONS
 from footfall.robots.description import Robot
@@ -288,6 +288,6 @@ def _with_own_ranges(preset: dict[str, Any], robot: Robot) -> dict[str, Any]:
     own = {
         name: unstructure(range_)
         for name, range_ in own_ranges(robot).items()
-        if name in randomised or (randomised and name not in defaults and policies_notice(name))
+        if name in randomised or (randomised and name not in defaults and affects_policies(name))
     }
     return merged(preset, {"env": {"randomisation": own}})

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fault_kinds.kind import IMPLAUSIBLE_S, LATER_S, SOON_S, FaultKind
+from fault_kinds.kind import IMPLAUSIBLE_S, FaultKind
 from fault_kinds.replies import EXPLAINED
 from footfall.plant.injection import FaultInjector, Injection
 
@@ -56,8 +56,8 @@ BODY = (
         EXPLAINED,
         main=True,
     ),
-    FaultKind("all motors rebooted", _reboot(True), LATER_S, REBOOTED, main=True),
-    FaultKind("motor's torque reversed", strength(-1.0), SOON_S, OTHER_WAY, main=True),
+    FaultKind("all motors rebooted", _reboot(True), 0.2, REBOOTED, main=True),
+    FaultKind("motor's torque reversed", strength(-1.0), 0.6, OTHER_WAY, main=True),
     FaultKind("motor has a third of its torque", strength(0.33), None, WEAK),
     FaultKind("all motors have half their torque", strength(of_all=0.5), None, WEAK),
     *(

@@ -63,16 +63,16 @@ def doubled(batches: Batches, _: int) -> Batches:
     return [*batches, *batches]
 
 
-def twice(injector: FaultInjector) -> None:
+def delivered_twice(injector: FaultInjector) -> None:
     injector.bus.incoming = doubled
 
 
 def foreign(injector: FaultInjector) -> None:
     """Frames of a foreign sender on the bus."""
-    foreign = Frames(
+    others = Frames(
         np.full(8, injector.channel), np.arange(0x500, 0x508), np.full((8, 8), 0xA5, np.uint8), np.full(8, 8)
     )
-    injector.bus.incoming = lambda batches, _: [foreign, *batches, foreign]
+    injector.bus.incoming = lambda batches, _: [others, *batches, others]
 
 
 def queueing(injector: FaultInjector) -> None:

@@ -5,7 +5,7 @@ from itertools import count
 
 import numpy as np
 
-from fault_kinds.kind import PAUSING_S, QUEUE_S, SILENCE_S, SLOW_S, FaultKind
+from fault_kinds.kind import QUEUE_S, SILENCE_S, FaultKind
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.drivers.imu import ACCELERATION_ID, GYRO_ID, QUATERNION_ID, Inertial
 from footfall.deploy.frames import Frames
@@ -126,7 +126,7 @@ IMU = (
     FaultKind(
         "IMU frozen, its counters go on",
         _frozen(*Inertial._fields),
-        PAUSING_S,
+        0.3,
         PAUSING,
         main=True,
     ),
@@ -134,13 +134,13 @@ IMU = (
     FaultKind("acceleration frozen", _frozen("acceleration")),
     FaultKind("quaternion frozen", _frozen("quaternion")),
     FaultKind("gyro reads zero", scaled("gyro", 0.0, 0.0, 0.0)),
-    FaultKind("gyro's signs reversed", scaled("gyro", -1.0, -1.0, -1.0), PAUSING_S, TWICE),
+    FaultKind("gyro's signs reversed", scaled("gyro", -1.0, -1.0, -1.0), 0.3, TWICE),
     FaultKind("gyro three times too high", scaled("gyro", 3.0, 3.0, 3.0), None, CALM),
     FaultKind("gyro's x and y exchanged", _permuted("gyro", 1, 0, 2), None, CALM),
     FaultKind("gyro off by 2 rad/s", gyro_bias(2.0)),
     FaultKind("quaternion's roll reversed", scaled("quaternion", 1.0, -1.0, 1.0, 1.0), None, CALM),
     FaultKind("quaternion's pitch reversed", scaled("quaternion", 1.0, 1.0, -1.0, 1.0), None, CALM),
-    FaultKind("quaternion from world to body", scaled("quaternion", 1.0, -1.0, -1.0, -1.0), SLOW_S, LEVEL),
+    FaultKind("quaternion from world to body", scaled("quaternion", 1.0, -1.0, -1.0, -1.0), 1.5, LEVEL),
     FaultKind("quaternion's w last", _permuted("quaternion", 1, 2, 3, 0), main=True),
     FaultKind("quaternion off by 30 degrees", leaning(30.0), main=True),
     FaultKind("quaternion off by 15 degrees", leaning(15.0)),

@@ -6,7 +6,7 @@ from itertools import cycle
 import numpy as np
 
 from fault_kinds.body import strength
-from fault_kinds.kind import SOON_S, FaultKind
+from fault_kinds.kind import FaultKind
 from fault_kinds.replies import temperature
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.imu import Inertial
@@ -222,20 +222,20 @@ WARM = "noticed once it is colder than all other motors by `colder_c`"
 INTERMITTENT = (
     FaultKind("IMU replays 200 ms with their counters", imu_replayed(), 0.35, LOOP, main=True),
     FaultKind("IMU replays 200 ms under new counters", imu_replayed_with_new_counters, 0.7, LOOPED),
-    FaultKind("IMU's readings in the wrong order", imu_reordered, SOON_S, SHARE),
-    FaultKind("IMU silent 40 of 80 ms", _intermittent(0.04, 0.08, _imu_silent), SOON_S, SHARE, main=True),
+    FaultKind("IMU's readings in the wrong order", imu_reordered, 0.6, SHARE),
+    FaultKind("IMU silent 40 of 80 ms", _intermittent(0.04, 0.08, _imu_silent), 0.6, SHARE, main=True),
     FaultKind("IMU frozen 30 of 60 ms", _imu_frozen(0.03, 0.06), 1.0, SHARE, main=True),
-    FaultKind("motor silent 40 of 80 ms", _intermittent(0.04, 0.08, _motor_silent), SOON_S, SHARE, main=True),
-    FaultKind("a bus's replies lost 40 of 80 ms", bus_lost_intermittently, SOON_S, SHARE),
+    FaultKind("motor silent 40 of 80 ms", _intermittent(0.04, 0.08, _motor_silent), 0.6, SHARE, main=True),
+    FaultKind("a bus's replies lost 40 of 80 ms", bus_lost_intermittently, 0.6, SHARE),
     FaultKind(
         "motor without torque 30 of 200 ms", _intermittent(0.03, 0.2, _without_torque), None, SMALL, main=True
     ),
-    FaultKind("half of one motor's commands lost", half_of_commands_lost, SOON_S, SHARE, main=True),
-    FaultKind("half of all commands lost", commands_dropped(0.5), SOON_S, SHARE),
+    FaultKind("half of one motor's commands lost", half_of_commands_lost, 0.6, SHARE, main=True),
+    FaultKind("half of all commands lost", commands_dropped(0.5), 0.6, SHARE),
     FaultKind("motor keeps an old command", repeats_first_command, None, SMALL, main=True, observed_s=5.0),
     FaultKind(
         "bits flipped in 5 % of the commands", commands_flipped(0.05), None, SHARE, main=True, observed_s=4.0
     ),
     FaultKind("a second host holds the default pose", second_host, main=True),
-    FaultKind("temperature sensor reads 0", temperature(0), SOON_S, WARM, main=True),
+    FaultKind("temperature sensor reads 0", temperature(0), 0.6, WARM, main=True),
 )

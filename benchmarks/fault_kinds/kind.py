@@ -8,11 +8,6 @@ from footfall.plant.injection import Injection
 SILENCE_S = 0.055
 IMPLAUSIBLE_S = 0.1
 QUEUE_S = 0.11  # a queue that grows by half of the arriving frames: twice the silence
-# For faults that build up for longer; each row gives its reason.
-LATER_S = 0.2
-PAUSING_S = 0.3
-SOON_S = 0.6
-SLOW_S = 1.5  # a joint that hardly moves, or a body that hardly turns
 
 
 class FaultKind(NamedTuple):
@@ -22,8 +17,8 @@ class FaultKind(NamedTuple):
     inject: Injection  # called at a random time of the walk, or before the first tick
     within_s: float | None = IMPLAUSIBLE_S  # limit from the fault to damping; None: no detection is required
     reason: str = ""  # why the fault cannot be detected, or not earlier
-    main: bool = False  # the table has it for every robot
-    estimating: bool = False  # the table has it for policies that need a base estimate
+    main: bool = False  # tried with every policy; other rows only with some, see `SUBJECTS`
+    needs_estimate: bool = False  # tried only with policies that need a base estimate
     starting: bool = False  # present before the first tick
     observed_s: float = 2.0  # from the fault to the end of the run
     wiring: bool = False  # the run has a wiring check

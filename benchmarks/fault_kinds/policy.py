@@ -95,7 +95,7 @@ POLICY = (
         None,
         "it counts as 0, with a note",
     ),
-    FaultKind("the policy's stance raises", _stance_raises, 0.03, estimating=True),
+    FaultKind("the policy's stance raises", _stance_raises, 0.03, needs_estimate=True),
     FaultKind("receiving raises", receive_raises, 0.01),
     FaultKind("sending raises", _send_raises, 0.01, NOTHING_SENT),
     FaultKind("the interface refuses frames", refused, 0.01, NOTHING_SENT),

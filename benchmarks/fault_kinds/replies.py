@@ -12,16 +12,16 @@ from fault_kinds.frames import (
     commands_lost,
     commands_lost_to_one,
     corrupted,
+    delivered_twice,
     foreign,
     frames_lost,
     queueing,
     silent,
     stuck,
-    twice,
     wrong_sender,
 )
 from fault_kinds.imu import GROWS
-from fault_kinds.kind import IMPLAUSIBLE_S, LATER_S, QUEUE_S, SILENCE_S, SLOW_S, SOON_S, FaultKind
+from fault_kinds.kind import IMPLAUSIBLE_S, QUEUE_S, SILENCE_S, FaultKind
 from footfall.deploy.frames import Frames
 from footfall.plant.frame_changes import cut_short, emptied
 from footfall.plant.injection import FaultInjector, Injection
@@ -193,13 +193,13 @@ REPLIES = (
     *(FaultKind(f"motor reports error {code}", error(code), 0.01, main=code == 2) for code in range(1, 7)),
     FaultKind("motor reports an unknown error", error(99), 0.01),
     FaultKind("motor reports an error in one reply", _error_once, 0.01),
-    FaultKind("one reply repeated", stuck, SLOW_S, WAY, main=True),
+    FaultKind("one reply repeated", stuck, 1.5, WAY, main=True),
     FaultKind("position frozen", _row_frozen(0), None, BARELY, main=True),
     FaultKind("velocity frozen", _row_frozen(1), None, BARELY),
     FaultKind("velocity zero", _zeroed(1), None, BARELY),
-    FaultKind("velocity's sign reversed", _negative(1), SLOW_S, WAY),
+    FaultKind("velocity's sign reversed", _negative(1), 1.5, WAY),
     FaultKind("velocity doubled", _values(_doubled_speed), None, BARELY),
-    FaultKind("position's sign reversed", _negative(0), SLOW_S, NEAR_ZERO),
+    FaultKind("position's sign reversed", _negative(0), 1.5, NEAR_ZERO),
     FaultKind("torque zero", _zeroed(2), None, EXPLAINED),
     FaultKind("torque frozen", _row_frozen(2), None, STEADY),
     FaultKind("torque's sign reversed", _negative(2), None, EXPLAINED),
@@ -207,16 +207,16 @@ REPLIES = (
     FaultKind("encoder jumps by 1 rad", position_off(lambda _: 1.0)),
     FaultKind("encoder jumps by a turn", position_off(lambda _: 2 * np.pi), main=True),
     FaultKind("encoder jumps by a turn of the rotor", position_off(sector)),
-    FaultKind("encoder drifts by 1 rad/s", _drifting(1.0), LATER_S, DRIFTS),
-    FaultKind("ids of two motors swapped", ids_swapped, SOON_S, ALIKE, main=True),
+    FaultKind("encoder drifts by 1 rad/s", _drifting(1.0), 0.2, DRIFTS),
+    FaultKind("ids of two motors swapped", ids_swapped, 0.6, ALIKE, main=True),
     FaultKind("two buses swapped", buses_swapped),
     FaultKind("motor at 90 degrees Celsius", temperature(90), main=True),
     FaultKind("temperature sensor reads 255", temperature(255)),
-    FaultKind("motor heats up past 85 degrees", _heating, SOON_S, HEATS),
+    FaultKind("motor heats up past 85 degrees", _heating, 0.6, HEATS),
     FaultKind("replies under an unknown id", wrong_sender, SILENCE_S),
     FaultKind("replies cut to 2 bytes", corrupted(lambda _: cut_short), SILENCE_S),
     FaultKind("replies of zeros", corrupted(lambda _: emptied), SILENCE_S),
-    FaultKind("all frames twice", twice, None, "harmless, and looks like a second host"),
+    FaultKind("all frames twice", delivered_twice, None, "harmless, and looks like a second host"),
     FaultKind("foreign frames on the bus", foreign, None, "harmless"),
     *(
         FaultKind(f"{what} of the frames lost", frames_lost(share), None, reason)
@@ -235,7 +235,7 @@ REPLIES = (
             within_s,
             HARMLESS,
         )
-        for percent, within_s in ((1, SOON_S), (5, LATER_S), (20, IMPLAUSIBLE_S))
+        for percent, within_s in ((1, 0.6), (5, 0.2), (20, IMPLAUSIBLE_S))
     ),
     *(FaultKind(f"all frames late by {late} ms", all_late(late), None, CONSTANT_LAG) for late in (10, 20)),
     FaultKind("all frames late by 50 ms", all_late(50), SILENCE_S),

@@ -6,7 +6,7 @@ import numpy as np
 
 from footfall.deploy.estimation.filter import MotionFilter
 
-_SOME_CONTACT = 0.5  # sum of contacts below which no height is measured
+_MIN_CONTACT = 0.5  # sum of contacts below which no height is measured
 
 
 class StanceHeight:
@@ -43,7 +43,7 @@ class StanceHeight:
         """Advance by `dt_s`; position and up as for `reset`, contact of each leg in [0, 1]."""
         self.value += motion.velocity[2] * dt_s
         total = sum(contact)
-        if total > _SOME_CONTACT:
+        if total > _MIN_CONTACT:
             measured = -float((position.dot(up) + self._radius).dot(contact)) / total
             share = 1.0 - math.exp(-dt_s / self._filter_s)
             self.value += share * (measured - self.value)

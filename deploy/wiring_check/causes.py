@@ -32,16 +32,16 @@ class Cause(NamedTuple):
         shares = np.isfinite(own) & np.isfinite(highest)
         return np.divide(own, highest, out=np.ones_like(highest), where=shares)
 
-    def responses(self, right: np.ndarray, highest: np.ndarray) -> np.ndarray:
+    def responses(self, expected: np.ndarray, highest: np.ndarray) -> np.ndarray:
         """Torque responses (n, n) to the same motions, if everything else is unchanged.
 
         Args:
-            right: (n, n) responses with the right wiring.
+            expected: (n, n) responses with the wiring in `robot.yaml`.
             highest: see `units`.
         """
         position, *_, torque = self.units(highest)
         moved, reported = position / self.ratio, 1.0 / (torque * self.ratio)
-        return right[np.ix_(self.joint, self.joint)] * np.outer(moved, reported)
+        return expected[np.ix_(self.joint, self.joint)] * np.outer(moved, reported)
 
 
 def as_wired(joints: int) -> Cause:

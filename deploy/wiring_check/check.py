@@ -16,7 +16,7 @@ from footfall.deploy.wiring import Wiring
 from footfall.deploy.wiring_check.config import WiringCheckConfig
 from footfall.deploy.wiring_check.motions import Motions
 from footfall.deploy.wiring_check.prediction import Prediction
-from footfall.deploy.wiring_check.verdict import Recorded, Verdict, judged
+from footfall.deploy.wiring_check.verdict import Recorded, Verdict, judge
 from footfall.policies.policy import Sensed
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -79,8 +79,8 @@ class WiringCheck:
         centre = sensed.joint_position.copy() if again else centre
         lies = not again and self._clearance.sunk_share(centre, sensed.quaternion) >= self._sunk
         lower, upper = self._robot.soft_limits
-        room = np.minimum(centre - lower, upper - centre).clip(check.min_rad, None)
-        amplitude = np.minimum(room, check.lying_rad if lies else check.standing_rad)
+        margin = np.minimum(centre - lower, upper - centre).clip(check.min_rad, None)
+        amplitude = np.minimum(margin, check.lying_rad if lies else check.standing_rad)
         self._centre, self._motions = centre, Motions(amplitude, check)
         self._samples: list[tuple[float, np.ndarray]] = []
         self._first_up, self._ticks = _up(sensed), 0
@@ -110,20 +110,20 @@ class WiringCheck:
     def _record(self, time_s: float, sensed: Sensed) -> None:
         up = _up(sensed)
         self._samples.append((time_s, np.concatenate((sensed.joint_position, sensed.joint_torque, up))))
-        lean = float(np.linalg.norm(up - self._first_up))
-        lost = np.abs(self._centre + self._motions.offsets(time_s) - sensed.joint_position)
+        turn = float(np.linalg.norm(up - self._first_up))
+        error = np.abs(self._centre + self._motions.offsets(time_s) - sensed.joint_position)
         moving = self._motions.joint_at(time_s)
-        if lean > self._check.lean_rad:
+        if turn > self._check.lean_rad:
             moved = self._wiring.label(moving)
-            self._fail(f"the base turned by {lean:.2f} rad during a small motion of {moved}")
-        elif lost.max() > self._check.lost_rad:
-            joint = int(lost.argmax())
-            off, moved = self._wiring.label(joint), self._wiring.label(moving)
-            self._fail(f"{off} is {lost[joint]:.2f} rad off its target while {moved} moved")
+            self._fail(f"the base turned by {turn:.2f} rad during a small motion of {moved}")
+        elif error.max() > self._check.lost_rad:
+            joint = int(error.argmax())
+            label, moved = self._wiring.label(joint), self._wiring.label(moving)
+            self._fail(f"{label} is {error[joint]:.2f} rad off its target while {moved} moved")
 
     def _fail(self, what: str) -> None:
-        why = "a plug, an id, a direction or a gear ratio is wrong there"
-        self.signals = self.signals._replace(fault=f"wiring: {what}: {why}")
+        remedy = "check the plug, id, direction and gear ratio of each motor named here"
+        self.signals = self.signals._replace(fault=f"wiring: {what}: {remedy}")
 
     def _judge(self) -> None:
         """Compute the verdict; runs in a separate thread if the loop must not wait."""
@@ -134,7 +134,7 @@ class WiringCheck:
             recorded = Recorded(np.array(times), position, torque, up, self._motor_lag_s)
             kp, kd = self._gains
             prediction = Prediction(self._robot, kp, kd, self._highest)
-            verdict = judged(
+            verdict = judge(
                 recorded,
                 self._motions,
                 self._centre,

@@ -23,10 +23,18 @@ ARGUMENTS = {
 
 def generate_launch_description() -> LaunchDescription:
     """The run, and RViz if requested; the launch ends with the run."""
-    given = {name: LaunchConfiguration(name) for name in ARGUMENTS}
-    command = [given["footfall"], "deploy", given["policy"], "--robot", given["robot"], "--bus", given["bus"]]
+    values = {name: LaunchConfiguration(name) for name in ARGUMENTS}
+    command = [
+        values["footfall"],
+        "deploy",
+        values["policy"],
+        "--robot",
+        values["robot"],
+        "--bus",
+        values["bus"],
+    ]
     run = ExecuteProcess(
-        cmd=[*command, "--from", ["ros2:", given["cmd_vel"]]],
+        cmd=[*command, "--from", ["ros2:", values["cmd_vel"]]],
         output="screen",
         on_exit=Shutdown(),
     )
@@ -34,7 +42,7 @@ def generate_launch_description() -> LaunchDescription:
         package="rviz2",
         executable="rviz2",
         arguments=["-d", str(Path(__file__).with_name("footfall.rviz"))],
-        condition=IfCondition(given["rviz"]),
+        condition=IfCondition(values["rviz"]),
     )
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=about)

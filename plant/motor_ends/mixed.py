@@ -12,7 +12,7 @@ Joints = np.ndarray  # indices
 
 
 class MixedMotorEnd:
-    """The end of motors with several protocols."""
+    """Simulated motors of several protocols."""
 
     def __init__(self, parts: Sequence[tuple[MotorEnd, Joints]]) -> None:
         """`parts` are the motors' ends of the protocols, each with its joints; every joint occurs once."""

@@ -13,7 +13,7 @@ SLOW_US = 100_000  # heartbeat, temperature and supply
 DELIVERED_CURRENT_A = 10.0  # current_soft_max
 STAGGER_US = 7000  # between axes, so that their slow messages do not coincide
 
-# Each a third of the period after the previous one.
+# Slow messages of an axis: each is sent a third of `SLOW_US` after the previous one.
 _SLOW = (
     odrive.HEARTBEAT,
     odrive.TEMPERATURE,
@@ -31,7 +31,7 @@ _KIND = {
 
 
 class OdriveMotorEnd:
-    """The axes' end.
+    """Simulated ODrive axes: they decode requests and broadcast readings.
 
     `mode` (n, 2) has the control and input modes of each axis, `damping` (n,) its velocity gain at the joint,
     N m s/rad, `watchdog` (2, n) whether its watchdog is on and its time in s, `current_limit` (n,) is in A.

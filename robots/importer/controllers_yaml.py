@@ -136,7 +136,7 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
 
     Args:
         size: size of the other robot.
-        feet: their number.
+        feet: number of feet.
         stiffest: largest stiffness of the robot's own gains, N m/rad; the minimum for `stand`.
     """
     shipped = {name: load_robot(name) for name in available_robots()}
@@ -146,8 +146,8 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
     model = load_spec(robot.xml_path).compile()
     data = in_default_pose(model, robot.description)
     mujoco.mj_kinematics(model, data)
-    of = size_of(model, data, robot.description.feet)
-    sections = _scaled(read_yaml(robot.folder / "controllers.yaml"), "", of, size)
+    source = size_of(model, data, robot.description.feet)
+    sections = _scaled(read_yaml(robot.folder / "controllers.yaml"), "", source, size)
     if size.spread_m == 0.0:
         _raise_duty(sections)
     stand = sections["stand"]
@@ -155,7 +155,7 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
     stand |= {key: _rounded(raised * stand[key]) for key in ("kp", "kd")}
     if "step" in sections and max(size.sole_length_m, size.sole_width_m) <= SMALLEST_SOLE_M:
         sections = {"step": _immediate_stepping(sections["step"])}
-    origin = f"{name} ({of.mass_kg:.3g} kg, standing {of.height_m:.3g} m high)"
+    origin = f"{name} ({source.mass_kg:.3g} kg, standing {source.height_m:.3g} m high)"
     return Walking(sections, origin, _largest(sections, "kp"), _largest(sections, "kd"))
 
 

@@ -53,7 +53,7 @@ def read_urdf(path: Path, root: ET.Element, packages: tuple[Path, ...]) -> Sourc
     coupled = frozenset(j.get("name", "") for j in root.findall("joint") if j.find("mimic") is not None)
     limits = {j.get("name", ""): _limit(j, path) for j in root.findall("joint")}
     taken = list(_take_meshes(root, path, packages))
-    _leave_to_mujoco(root)
+    _remove_unused(root)
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     except (ValueError, mujoco.FatalError) as error:
@@ -199,7 +199,7 @@ def _candidates(name: str, urdf: Path, packages: tuple[Path, ...]) -> Iterator[P
         yield folder / rest
 
 
-def _leave_to_mujoco(root: ET.Element) -> None:
+def _remove_unused(root: ET.Element) -> None:
     """Remove elements that MuJoCo refuses or does not need."""
     for tag in ("transmission", "gazebo", "mujoco"):
         for element in root.findall(tag):

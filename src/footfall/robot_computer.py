@@ -180,14 +180,14 @@ def check_realtime() -> Finding:
     """Whether threads may have a real-time priority."""
     allowed = False
     if hasattr(os, "sched_setscheduler"):
-        parent = os.fork()
-        if parent == 0:  # a child process tries it, so that this process keeps its scheduling
+        child = os.fork()
+        if child == 0:  # a child process tries it, so that this process keeps its scheduling
             try:
                 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
             except OSError:
                 os._exit(1)
             os._exit(0)
-        allowed = os.waitpid(parent, 0)[1] == 0
+        allowed = os.waitpid(child, 0)[1] == 0
     return Finding(
         "real-time scheduling",
         allowed,

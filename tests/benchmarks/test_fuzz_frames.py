@@ -21,17 +21,17 @@ def fuzzed(model: str, known: bool = True) -> Tally:
 @pytest.mark.parametrize("known", [False, True])
 def test_random_frames_cause_no_error(model: str, known: bool) -> None:
     tally = fuzzed(model, known)
-    assert tally.escaped == {}
-    assert [ends.total() for ends in tally.ends.values()] == [len(BATCHES)] * 2
+    assert tally.unexpected == {}
+    assert [counts.total() for counts in tally.outcomes.values()] == [len(BATCHES)] * 2
 
 
 def test_a_torque_within_the_frames_range_is_compared_with_the_motors(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(joint_layer, "limit_torque", lambda asked, *_: asked)
-    escaped = fuzzed("").escaped
-    assert escaped
-    assert all("too much torque" in trace for trace in escaped.values())
+    unexpected = fuzzed("").unexpected
+    assert unexpected
+    assert all("too much torque" in trace for trace in unexpected.values())
 
 
 @pytest.mark.parametrize(

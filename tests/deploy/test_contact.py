@@ -57,7 +57,7 @@ class TestContact:
     @pytest.mark.parametrize("name", ["go1", "hexapod"])
     @pytest.mark.parametrize(("share", "trust"), [(0.15, 0.0), (0.5, 0.5), (0.8, 1.0), (1.5, 1.0)])
     def test_trust_follows_the_force_on_the_foot(self, name: str, share: float, trust: float) -> None:
-        """Trust is 0 below 0.2 of an even share of the weight, 1 above 0.8, and 0.5 in the middle."""
+        """Trust is 0 below 0.2 of an equal share of the weight, 1 above 0.8, and 0.5 in the middle."""
         robot = load_robot(name)
         even = 9.81 * nominal_body(robot).mass / robot.legs.count
         sensed = under_load(robot, np.tile(share * even * UP, (robot.legs.count, 1)))

@@ -54,9 +54,9 @@ def test_a_wrong_or_old_scan_is_refused(wrong: dict[str, object]) -> None:
 
 def test_scans_arrive_over_a_network(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FOOTFALL_TOKEN", TOKEN)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plug:
-        plug.bind(("127.0.0.1", 0))
-        port = plug.getsockname()[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 0))
+        port = listener.getsockname()[1]
     with scans_by_udp(f"127.0.0.1:{port}") as scans, UdpHeightScan("127.0.0.1", TOKEN, port) as sender:
         deadline_s = time.monotonic() + 20.0
         while scans.newest(0) is None and time.monotonic() < deadline_s:

@@ -72,28 +72,28 @@ class Factor:
             shared: number of coordinates that all limbs share.
             total: sums a value over all limbs.
         """
-        left, self._shared, self._total = dict(matrix), shared, total
+        remaining, self._shared, self._total = dict(matrix), shared, total
         self._rows: list[list[tuple[int, Scalar]]] = []  # of L, below the diagonal, last row first
         self._inverse: list[Scalar] = []  # inverse of D's diagonal, last first
         for k in reversed(range(size)):
             if k == shared - 1:
-                left = {at: total(value) for at, value in left.items() if at[0] < shared}
-            inverse = 1.0 / left[k, k]
-            columns = [j for j in reversed(range(k)) if _is_nonzero(left, k, j)]
-            scaled = [(i, left[k, i] * inverse) for i in columns]
+                remaining = {at: total(value) for at, value in remaining.items() if at[0] < shared}
+            inverse = 1.0 / remaining[k, k]
+            columns = [j for j in reversed(range(k)) if _is_nonzero(remaining, k, j)]
+            scaled = [(i, remaining[k, i] * inverse) for i in columns]
             for i, factor in scaled:
                 for j in columns:
                     if j <= i:
-                        left[i, j] = left.get((i, j), 0.0) - factor * left[k, j]
+                        remaining[i, j] = remaining.get((i, j), 0.0) - factor * remaining[k, j]
             self._rows.append(scaled)
             self._inverse.append(inverse)
 
-    def solve(self, right: list[Scalar]) -> list[Scalar]:
-        """The x of H x = right (RBDA, table 6.4 and section 6.5).
+    def solve(self, rhs: list[Scalar]) -> list[Scalar]:
+        """The x of H x = rhs (RBDA, table 6.4 and section 6.5).
 
-        Like the matrix's, the shared rows of `right` are one limb's part of a sum.
+        Like the matrix's, the shared rows of `rhs` are one limb's part of a sum.
         """
-        x, last = list(right), len(right) - 1
+        x, last = list(rhs), len(rhs) - 1
         for n, row in enumerate(self._rows):
             if last - n == self._shared - 1:
                 x[: self._shared] = map(self._total, x[: self._shared])

@@ -111,8 +111,8 @@ def _search(
                 own = part.number(float(k == contact.pair.number))
                 columns[first + dof, k] = columns.get((first + dof, k), 0.0) + own * (root * j)
     columns |= {(first + i, first + j): value for (i, j), value in hessian.items()}
-    right = [*[0.0] * first, *gradient]
-    solution = Factor(columns, len(right), first + BASE_DOFS, part.total).solve(right)
+    rhs = [*[0.0] * first, *gradient]
+    solution = Factor(columns, len(rhs), first + BASE_DOFS, part.total).solve(rhs)
     return [-x for x in solution[first:]]
 
 

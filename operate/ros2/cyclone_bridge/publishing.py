@@ -19,8 +19,8 @@ class Publishing:
         self._writers: dict[str, tuple[RawWriter, Throttle]] = {}
         for each in PUBLISHED:
             topic = TOPICS[each.feed]
-            quality_ = quality(True, topic.latched, 1 if topic.latched else topic.depth)
-            writer = RawWriter(participant, absolute(each.name), topic.kind, quality_)
+            qos = quality(True, topic.latched, 1 if topic.latched else topic.depth)
+            writer = RawWriter(participant, absolute(each.name), topic.kind, qos)
             self._writers[each.feed] = writer, Throttle(each.rate_hz)
 
     def pass_on(self, message: FeedMessage) -> None:

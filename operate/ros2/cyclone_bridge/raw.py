@@ -52,8 +52,8 @@ def dds_topic(participant: DomainParticipant, name: str, kind: str) -> Topic:
 class RawWriter:
     """Publishes encoded messages."""
 
-    def __init__(self, participant: DomainParticipant, name: str, kind: str, how: Qos) -> None:
-        self._writer = DataWriter(participant, dds_topic(participant, name, kind), how)
+    def __init__(self, participant: DomainParticipant, name: str, kind: str, qos: Qos) -> None:
+        self._writer = DataWriter(participant, dds_topic(participant, name, kind), qos)
 
     def write(self, message: bytes) -> None:
         """Publish a message, given with its CDR header.
@@ -69,8 +69,8 @@ class RawWriter:
 class RawReader:
     """Receives encoded messages."""
 
-    def __init__(self, participant: DomainParticipant, name: str, kind: str, how: Qos) -> None:
-        self._reader = DataReader(participant, dds_topic(participant, name, kind), how)
+    def __init__(self, participant: DomainParticipant, name: str, kind: str, qos: Qos) -> None:
+        self._reader = DataReader(participant, dds_topic(participant, name, kind), qos)
 
     def take(self) -> list[bytes]:
         """Messages received since the last call, at most a hundred."""

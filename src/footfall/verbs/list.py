@@ -99,11 +99,11 @@ def _policies(robots: "list[Robot]") -> Rows:
 
 
 def _scenarios() -> Rows:
-    from footfall.evaluate.scenarios import described
+    from footfall.evaluate.scenarios import shipped_scenarios
 
     return [
         {"name": name, "about": each.about, "episodes": each.episodes, "duration_s": each.duration_s}
-        for name, each in described().items()
+        for name, each in shipped_scenarios().items()
     ]
 
 
