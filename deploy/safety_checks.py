@@ -39,10 +39,10 @@ def _own_silence(silence_s: float, s: Signals, c: SafetyConfig) -> str:
 
 
 def _silent(silence_s: float, missing: str, s: Signals, c: SafetyConfig) -> str:
-    """Fault after a silence that is too long; `missing` is the expected message."""
+    """Fault after a silence that is too long; `missing` begins the message."""
     if silence_s <= c.silence_timeout_s:
         return ""
-    return _own_silence(silence_s, s, c) or f"no {missing} for {c.silence_timeout_s * 1e3:.0f} ms"
+    return _own_silence(silence_s, s, c) or f"{missing} for {c.silence_timeout_s * 1e3:.0f} ms"
 
 
 def _never_started(s: Signals, c: SafetyConfig) -> str:
@@ -123,14 +123,14 @@ SIGNAL_CHECKS = (
     Check(
         "age of each motor's reading: silence",
         HELD,
-        lambda s, c: _silent(s.motors.silence_s, f"reply from {s.motors.silent}", s, c),
+        lambda s, c: _silent(s.motors.silence_s, f"no reply from {s.motors.silent}", s, c),
         Mode.ESTOP,
         ("silence_timeout_s",),
     ),
     Check(
         "age of each part of the IMU's reading: silence",
         HELD,
-        lambda s, c: _silent(s.imu.silence_s, f"new IMU reading ({s.imu.oldest_part})", s, c),
+        lambda s, c: _silent(s.imu.silence_s, f"no new IMU reading ({s.imu.oldest_part})", s, c),
         Mode.ESTOP,
         ("silence_timeout_s",),
     ),

@@ -127,7 +127,7 @@ class RestError(BodyCheck):
     """Difference between the mean acceleration at rest and the opposite of gravity, relative to gravity."""
 
     quantity = "acceleration at rest against the quaternion's gravity: an IMU that is tilted by 9 degrees"
-    message = "the IMU: at rest its acceleration is off its quaternion's gravity by {0:.0%}"
+    message = "the IMU: at rest its acceleration differs from its quaternion's gravity by {0:.0%}"
     limit = Limit("rest_error")
 
     _limits: ImuLimits

@@ -27,7 +27,7 @@ class StopFrameBus(WrappedBus):
         super().__init__(inner)
         self._frame, self._channel = frame, channel
         self._id = frame.id | frame.extended * EXTENDED
-        self._source = f"the stop frame {frame.id:#x} on {frame.bus}"
+        self._address = f"{frame.id:#x} on {frame.bus}"
         self._arrived_us: int | None = None
         self.stopped: Stop | None = None
 
@@ -42,13 +42,13 @@ class StopFrameBus(WrappedBus):
                 batches[index] = frames.take(~own)
         limit_s = self._frame.heartbeat_s
         if limit_s is not None and now_us - self._arrived_us > limit_s * 1e6:
-            self._stop(f"no {self._source.removeprefix('the ')} for {limit_s * 1e3:.0f} ms")
+            self._stop(f"no stop frame {self._address} for {limit_s * 1e3:.0f} ms")
         return batches
 
     def _take(self, frames: Frames, now_us: int) -> None:
         self._arrived_us = now_us
         if ((frames.length == 0) | (frames.data[:, 0] != 0)).any():
-            self._stop(f"stopped by {self._source}")
+            self._stop(f"stopped by the stop frame {self._address}")
 
     def _stop(self, reason: str) -> None:
-        self.stopped = self.stopped or Stop(reason, self._frame.damp, self._source)
+        self.stopped = self.stopped or Stop(reason, self._frame.damp, f"the stop frame {self._address}")

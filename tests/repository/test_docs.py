@@ -1,5 +1,6 @@
 """Pages are correct: links and paths exist, command lines parse, snippets run."""
 
+import ast
 import importlib
 import json
 import re
@@ -195,6 +196,34 @@ def test_no_table_has_errors_of_fallen_robots() -> None:
     rows = make_table.table(results).splitlines()
     assert any(row.startswith("| Nominal: velocity error") for row in rows)
     assert not any(row.startswith("| Push: velocity error") for row in rows)
+
+
+def shown_texts(module: Path) -> Iterator[str]:
+    """Strings of a module, with … for the parts of an f-string that vary; without docstrings."""
+    tree = ast.parse(module.read_text(encoding="utf-8"))
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            yield "".join(str(part.value) if isinstance(part, ast.Constant) else "…" for part in node.values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
+            yield node.value
+
+
+def test_messages_in_troubleshooting_are_those_of_the_code() -> None:
+    """The fixed words of a message, between …, numbers and quoted names, stand in one string of the code."""
+    package = ROOT / "src/footfall"
+    modules = [
+        *package.glob("*.py"),
+        *(module for room in package.glob("*/") for module in room.rglob("*.py")),
+    ]
+    texts = [text for module in modules for text in shown_texts(module)]
+    texts.append((ROOT / "Makefile").read_text(encoding="utf-8"))
+    page = (ROOT / "docs/troubleshooting.md").read_text(encoding="utf-8")
+    first_cells = "\n".join(re.findall(r"^\| ([^|]*) \|", page, re.MULTILINE))
+    quoted = re.findall("`([^`\n]+)`", first_cells)
+    assert len(quoted) > 20
+    pieces = {piece.strip() for each in quoted for piece in re.split(r"…|\d+|'\w+'", each)}
+    assert [piece for piece in sorted(pieces) if not any(piece in text for text in texts)] == []
 
 
 def test_command_lines_are_found() -> None:
