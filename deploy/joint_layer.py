@@ -52,9 +52,10 @@ class JointLayer:
         self._arrived = False  # whether the target has reached the goal
         self._encodable = np.zeros((5, len(self._target)))  # within frames' ranges, with this tick's target
         self.sent = np.zeros_like(self._encodable)  # last command, before rounding in a frame
-        self._sent_before = self.sent  # previous command
+        self.sent_before = self.sent  # the command before
         self._commanded_ticks = 0  # number of commands since `take_torque_range`
-        self._min_torque = self._max_torque = self._target  # extreme torques of these commands, N m
+        self._possible = np.zeros(len(self._target))  # torque of the last command, N m
+        self._min_torque = self._max_torque = self._possible  # extreme torques of these commands
 
     # -- out -----------------------------------------------------------------------------------------
 
@@ -106,15 +107,15 @@ class JointLayer:
         self._commanded_ticks += 1
         return frames
 
-    def take_torque_range(self) -> tuple[np.ndarray, np.ndarray] | None:
+    def take_torque_range(self) -> tuple[np.ndarray, np.ndarray]:
         """Smallest torque commanded to each motor since the last call, and the negated largest one.
 
-        Returns:
-            Two arrays (n,), N m; None if there was no command.
+        Without a command since then, both are those of the last command. Two arrays (n,), N m.
         """
-        extremes = (self._min_torque, -self._max_torque) if self._commanded_ticks else None
+        if not self._commanded_ticks:
+            return self._possible, -self._possible
         self._commanded_ticks = 0
-        return extremes
+        return self._min_torque, -self._max_torque
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""
@@ -151,7 +152,7 @@ class JointLayer:
 
     def _send(self, values: np.ndarray) -> Frames:
         """Frames for a command (5, n)."""
-        self._sent_before, self.sent = self.sent, values
+        self.sent_before, self.sent = self.sent, values
         return self._driver.command(values)
 
     # -- in ------------------------------------------------------------------------------------------
@@ -234,20 +235,6 @@ class JointLayer:
     def health(self, now_us: int) -> MotorHealth:
         """Age of the latest readings and state of the motors; the arrays do not change afterwards."""
         return self._receiver.health(now_us)
-
-    def expected_torque(self) -> np.ndarray:
-        """Expected torque in the motors' latest readings, N m, (n,).
-
-        A reply to a command was measured before the command acts, another kind of message afterwards: so this
-        is the smaller torque of the last two commands, and 0 if their signs differ.
-        """
-        position, velocity, _ = self.joints
-        last = pd_torque(JointCommand.of(self.sent), position, velocity)
-        if self._sent_before is self.sent:  # the same command was sent twice
-            return last
-        before = pd_torque(JointCommand.of(self._sent_before), position, velocity)
-        low, high = np.minimum(last, before), np.maximum(last, before)
-        return np.maximum(low, 0.0) + np.minimum(high, 0.0)
 
 
 def _share(possible: np.ndarray, demand: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.deploy.drivers.imu import Inertial
+from footfall.robots.actuator import JointCommand, pd_torque
 
 SAMPLE_S = 0.004  # interval of added readings: a fraction of a leg's swing
 
@@ -57,23 +58,19 @@ def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.nd
     )
 
 
-class _Sums:
-    """Sums since the start of a window."""
+class _Readings:
+    """Readings since the start of a window: one entry each time."""
 
-    def __init__(self, n: int, now_us: int) -> None:
+    def __init__(self, now_us: int, joints: np.ndarray, arrived_us: np.ndarray) -> None:
+        """`joints` and `arrived_us` are those of the last reading before the window."""
         self.began_us = now_us
         self.gap = False
-        self.readings = np.zeros((3, n))
-        self.repeated = np.ones((3, n), bool)
-        self.strongest = np.zeros(n)
-        self.torques: list[np.ndarray] = []
+        self.added_us: list[int] = []
+        self.joints, self.arrived_us = [joints], [arrived_us]
         self.smallest: list[np.ndarray] = []  # smallest commanded torque, and minus the largest
         self.minus_largest: list[np.ndarray] = []
-        self.expected, self.commanded_sum = np.zeros((2, n))
-        self.gains = np.zeros((2, n))
-        self.travel, self.jolts = np.zeros((2, n))
-        self.starts = np.zeros(n)  # positions at the start of the window, computed from each reading, rad
-        self.late_us = np.zeros(n)
+        self.sent: list[np.ndarray] = []  # last command at each reading, and the one before
+        self.sent_before: list[np.ndarray] = []
         self.inertials: list[Inertial] = []
 
 
@@ -85,16 +82,15 @@ class JointWindows:
         self._n = joints
         self.sample_s = tick_s * max(1, round(min(SAMPLE_S, period_s) / tick_s))
         self._sample_us = round(1e6 * (self.sample_s - tick_s / 2))  # half a tick early, because of rounding
-        self._readings = max(1, round(period_s / self.sample_s))  # number per window
+        self._count = max(1, round(period_s / self.sample_s))  # number of readings per window
         self._gap_us = round(1e6 * max(period_s / 2, 1.5 * self.sample_s))
         self.begin(0, np.zeros(joints, np.int64), np.zeros((3, joints)), np.zeros(joints))
 
     def begin(self, now_us: int, arrived_us: np.ndarray, joints: np.ndarray, target: np.ndarray) -> None:
         """Clear all readings, and start with these (see `add`) and these position targets, rad, (n,)."""
-        self._sums = _Sums(self._n, now_us)
+        self._readings = _Readings(now_us, joints, arrived_us.copy())
         self._added_us = now_us
-        self._arrived_us = arrived_us.copy()
-        self._last, self._target = joints, target
+        self._target = target
         self._change = np.zeros(self._n)  # change of the velocities between readings, rad/s
         self._target_travel = np.zeros(self._n)
         self._ended = joints[0]  # positions at the end of the last window, rad
@@ -111,9 +107,9 @@ class JointWindows:
         arrived_us: np.ndarray,
         inertial: Inertial,
         joints: np.ndarray,
-        expected: np.ndarray,
-        commanded: tuple[np.ndarray, np.ndarray] | None = None,
-        sent: np.ndarray | None = None,
+        sent: np.ndarray,
+        sent_before: np.ndarray,
+        commanded: tuple[np.ndarray, np.ndarray],
     ) -> bool:
         """Add one tick's readings; returns whether the window is full.
 
@@ -124,43 +120,30 @@ class JointWindows:
             arrived_us: (n,) arrival time of each motor's reading.
             inertial: reading of the IMU.
             joints: (3, n) reported position rad, velocity rad/s, torque N m.
-            expected: (n,) expected torque from the last commands for these readings, N m.
+            sent: (5, n) last command, rows as in `JointCommand`.
+            sent_before: (5, n) the command before.
             commanded: smallest torque of all commands since the last call, and minus the largest, N m,
-                (n,) each; None for `expected`.
-            sent: (5, n) last command, rows as in `JointCommand`; None if unknown.
+                (n,) each.
         """
-        sums, last = self._sums, self._last
+        readings = self._readings
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
-            sums.gap = True
-        age_us = now_us - arrived_us
-        np.minimum(self._youngest_us, age_us, out=self._youngest_us)
-        np.maximum(sums.late_us, age_us - self._youngest_us, out=sums.late_us)
+            readings.gap = True
         self._added_us = now_us
-        sums.travel += (0.5e-6 * (arrived_us - self._arrived_us)) * (joints[1] + last[1])
-        sums.starts += joints[0] - sums.travel
-        self._arrived_us = arrived_us.copy()
-        change = joints[1] - last[1]
-        sums.jolts += np.abs(change - self._change)
-        self._change = change
-        sums.repeated &= joints == last
-        self._last = joints
-        sums.readings += joints
-        np.maximum(sums.strongest, np.abs(joints[2]), out=sums.strongest)
-        sums.torques.append(joints[2])
-        smallest, minus_largest = commanded or (expected, -expected)
-        sums.smallest.append(smallest)
-        sums.minus_largest.append(minus_largest)
-        sums.expected += expected
-        if sent is not None:
-            sums.gains = sent[2:4]
-            sums.commanded_sum += (sums.gains * (sent[:2] - joints[:2])).sum(axis=0) + sent[4]
-        sums.inertials.append(inertial)
-        return len(sums.inertials) >= self._readings
+        smallest, minus_largest = commanded
+        readings.added_us.append(now_us)
+        readings.arrived_us.append(arrived_us.copy())
+        readings.joints.append(joints)
+        readings.smallest.append(smallest)
+        readings.minus_largest.append(minus_largest)
+        readings.sent.append(sent)
+        readings.sent_before.append(sent_before)
+        readings.inertials.append(inertial)
+        return len(readings.inertials) >= self._count
 
     @property
     def inertials(self) -> list[Inertial]:
         """Readings of the IMU in the current window."""
-        return self._sums.inertials
+        return self._readings.inertials
 
     def close(
         self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray
@@ -173,47 +156,79 @@ class JointWindows:
             temperature_c: (n,) degrees Celsius; NaN if not reported.
             voltage: (n,) supply voltage of the motors, V; NaN if not reported.
         """
-        window = None
-        if self._sums.gap:
-            self._ended = self._last[0]
-        else:
-            window = self._window(stiffness, target, temperature_c, voltage)
+        readings = self._readings
+        window = self._window(stiffness, target, temperature_c, voltage)
         self._target_travel = np.abs(target - self._target)
         self._target = target
-        self._sums = _Sums(self._n, self._added_us)
-        return window
+        self._readings = _Readings(self._added_us, readings.joints[-1], readings.arrived_us[-1])
+        return None if readings.gap else window
 
     def _window(
         self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray
     ) -> JointWindow:
-        sums, count = self._sums, len(self._sums.inertials)
-        elapsed_s = (self._added_us - sums.began_us) * 1e-6
-        mean = sums.readings / count
-        _, velocity, torque = mean
+        readings, count = self._readings, len(self._readings.inertials)
+        elapsed_s = (self._added_us - readings.began_us) * 1e-6
+        joints, sent = np.array(readings.joints), np.array(readings.sent)
+        new, velocity = joints[1:], joints[:, 1]
+        arrived_us = np.array(readings.arrived_us)
+        half_s = 0.5e-6 * (arrived_us[1:] - arrived_us[:-1])
+        travel = np.add.accumulate(half_s * (velocity[1:] + velocity[:-1]))
+        mean = np.add.reduce(new) / count
+        _, mean_velocity, torque = mean
         # Each position minus the travel until then gives the start of the window. The mean has less noise.
-        started = sums.starts / count
+        started = np.add.reduce(new[:, 0] - travel) / count
         position_error = started - self._ended
-        self._ended = started + sums.travel
+        self._ended = joints[-1, 0] if readings.gap else started + travel[-1]
+        last, before = _torque(sent, new), _torque(np.array(readings.sent_before), new)
         return JointWindow(
             elapsed_s=elapsed_s,
-            joints=self._last,
-            repeated=sums.repeated,
-            travel=sums.travel,
+            joints=joints[-1],
+            repeated=np.logical_and.reduce(new == joints[:-1]),
+            travel=travel[-1],
             position_error=position_error,
-            late_s=1e-6 * sums.late_us,
-            speed=np.abs(velocity),
-            jolts=sums.jolts,
+            late_s=1e-6 * self._late_us(arrived_us[1:]),
+            speed=np.abs(mean_velocity),
+            jolts=self._jolts(velocity),
             torque=torque,
-            strongest=sums.strongest,
-            expected=sums.expected / count,
+            strongest=np.maximum.reduce(np.abs(new[:, 2])),
+            expected=np.add.reduce(_expected(last, before)) / count,
             stiffness=stiffness,
             target_speed=np.abs(target - self._target) / elapsed_s,
             target_travel=self._target_travel,
             mean=mean,
-            commanded_mean=sums.commanded_sum / count,
-            gains=sums.gains,
-            torques=np.array(sums.torques),
-            commanded=np.array((*sums.smallest, *sums.minus_largest)).reshape(2, count, -1),
+            commanded_mean=np.add.reduce(last) / count,
+            gains=sent[-1, 2:4],
+            torques=new[:, 2],
+            commanded=np.array((readings.smallest, readings.minus_largest)),
             temperature_c=temperature_c,
             voltage=voltage,
         )
+
+    def _late_us(self, arrived_us: np.ndarray) -> np.ndarray:
+        """Difference between the ages of the oldest reading of a window and the youngest one so far, (n,)."""
+        age_us = np.array(self._readings.added_us)[:, None] - arrived_us
+        youngest_us = np.minimum.accumulate((self._youngest_us, *age_us))
+        self._youngest_us = youngest_us[-1]
+        return np.maximum.reduce(age_us - youngest_us[1:])
+
+    def _jolts(self, velocity: np.ndarray) -> np.ndarray:
+        """Sum of the second differences of velocities (k, n), without their signs, (n,)."""
+        changes = np.concatenate((self._change[None], velocity[1:] - velocity[:-1]))
+        self._change = changes[-1]
+        return np.add.reduce(np.abs(changes[1:] - changes[:-1]))
+
+
+def _torque(commands: np.ndarray, readings: np.ndarray) -> np.ndarray:
+    """Torques of commands (k, 5, n) at readings (k, 3, n), N m, (k, n)."""
+    position, velocity = readings[:, 0], readings[:, 1]
+    return pd_torque(JointCommand.of(commands.swapaxes(0, 1)), position, velocity)
+
+
+def _expected(last: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Expected torque in a reading, N m, from the torques of the last command and the one before.
+
+    A reply to a command was measured before the command acts, another kind of message afterwards: so this
+    is the smaller torque of the two commands, and 0 if their signs differ.
+    """
+    low, high = np.minimum(last, before), np.maximum(last, before)
+    return np.maximum(low, 0.0) + np.minimum(high, 0.0)

@@ -108,11 +108,17 @@ class SensorMonitor:
         found = self.body_contradiction(on_legs)
         if found is not None or not self._windows.due(now_us):
             return found
-        (arrived_us, imu_us, _), expected = joints.last_arrivals(), joints.expected_torque()
+        arrived_us, imu_us, _ = joints.last_arrivals()
         self._links.add(imu_us, joints.inertial)
-        commanded, inertial = joints.take_torque_range(), joints.inertial
         if not self.add(
-            now_us, silence_us, arrived_us, inertial, joints.joints, expected, commanded, joints.sent
+            now_us,
+            silence_us,
+            arrived_us,
+            joints.inertial,
+            joints.joints,
+            joints.sent,
+            joints.sent_before,
+            joints.take_torque_range(),
         ):
             return None
         fast = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
@@ -145,12 +151,14 @@ class SensorMonitor:
         arrived_us: np.ndarray,
         inertial: Inertial,
         joints: np.ndarray,
-        expected: np.ndarray,
-        commanded: tuple[np.ndarray, np.ndarray] | None = None,
-        sent: np.ndarray | None = None,
+        sent: np.ndarray,
+        sent_before: np.ndarray,
+        commanded: tuple[np.ndarray, np.ndarray],
     ) -> bool:
         """Add readings to the window; returns whether it is full (see `JointWindows.add`)."""
-        return self._windows.add(now_us, silence_us, arrived_us, inertial, joints, expected, commanded, sent)
+        return self._windows.add(
+            now_us, silence_us, arrived_us, inertial, joints, sent, sent_before, commanded
+        )
 
     def joint_contradiction(
         self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray

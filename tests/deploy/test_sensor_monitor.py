@@ -21,6 +21,7 @@ from footfall.robots.description import Robot
 CALF = 2  # FR_calf_joint (can0, id 3): 35.55 N m, 20.06 rad/s
 WIDE_LIMITS = SensorLimits(drift_rad=6.0, wander_rad=6.0, creep_rad=6.0, stuck_rad=6.0, unexplained=10.0)
 ZEROS = np.zeros(12)
+NOTHING_SENT = np.zeros((5, 12)), np.zeros((5, 12)), (ZEROS, ZEROS)
 
 
 def monitor_of(robot: Robot, limits: SensorLimits = WIDE_LIMITS, **checks: object) -> SensorMonitor:
@@ -42,7 +43,9 @@ def window(
 ) -> Implausible | None:
     """Finding on the joints in one window of constant readings."""
     for k in range(10 * number + 1, 10 * number + 11):
-        full = monitor.add(k * SAMPLE_US, silence_us, np.full(12, k * SAMPLE_US), inertial, joints, ZEROS)
+        full = monitor.add(
+            k * SAMPLE_US, silence_us, np.full(12, k * SAMPLE_US), inertial, joints, *NOTHING_SENT
+        )
     assert full
     return monitor.joint_contradiction(ZEROS, joints[0], ZEROS + temperature_c, ZEROS + voltage)
 
@@ -127,5 +130,5 @@ def test_a_made_up_check_is_judged_and_reset(go1: Robot) -> None:
 )
 def test_a_gap_of_half_or_1_5_periods(period_s: float, silence_us: int, compared: bool) -> None:
     windows = JointWindows(12, period_s, 0.002)
-    windows.add(SAMPLE_US, silence_us, np.full(12, SAMPLE_US), STILL, np.zeros((3, 12)), ZEROS)
+    windows.add(SAMPLE_US, silence_us, np.full(12, SAMPLE_US), STILL, np.zeros((3, 12)), *NOTHING_SENT)
     assert (windows.close(ZEROS, ZEROS, ZEROS, ZEROS) is not None) is compared

@@ -52,7 +52,11 @@ class JointReadings:
     ) -> bool:
         """Add one reading; returns whether a window has ended and was passed to the checks."""
         arrived_us = np.full(self.n, now_us) if arrived_us is None else arrived_us
-        if not self.windows.add(now_us, 0, arrived_us, STILL, joints, self.zeros + expected, sent=sent):
+        expected = self.zeros + expected
+        if sent is None:
+            sent = np.zeros((5, self.n))
+            sent[4] = expected
+        if not self.windows.add(now_us, 0, arrived_us, STILL, joints, sent, sent, (expected, -expected)):
             return False
         zeros = self.zeros
         window = self.windows.close(zeros + stiffness, zeros + target, zeros, zeros)
