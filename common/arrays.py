@@ -1,15 +1,33 @@
 """NumPy and JAX arrays: the library of an array, and fast indices."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 Array = Any  # a NumPy or a JAX array
 
+_clip: Callable[[Array, Array, Array], Array]
+try:
+    # `numpy.clip` calls this. For the few joints of a robot its checks take longer than the result.
+    from numpy._core import umath
+
+    _clip = umath.clip  # type: ignore[attr-defined]
+except (ImportError, AttributeError):  # another NumPy version
+    _clip = np.clip
+
 
 def library(array: Array) -> Any:
     """The array's namespace. NumPy's own `__array_namespace__()` takes as long as a sum over joints."""
     return np if isinstance(array, np.ndarray) else array.__array_namespace__()
+
+
+def clamped(value: Array, lower: Array, upper: Array) -> Array:
+    """The value, at least `lower` and then at most `upper`. NumPy arrays take a third of `clip`'s time."""
+    if isinstance(value, np.ndarray):
+        return _clip(value, lower, upper)
+    xp = value.__array_namespace__()
+    return xp.minimum(xp.maximum(value, lower), upper)
 
 
 def as_slice(indices: np.ndarray) -> slice | np.ndarray:

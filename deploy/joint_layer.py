@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from footfall.common.arrays import clamped
 from footfall.deploy.battery import NO_BATTERY, BatteryMonitor, BatteryState
 from footfall.deploy.drivers.driver import Driver, damping_alone
 from footfall.deploy.drivers.foot_force import FootForceReader
@@ -12,7 +13,7 @@ from footfall.deploy.receiver import LastArrivals, MotorHealth, Receiver
 from footfall.policies.policy import Sensed
 from footfall.robots.actuator import JointCommand, Motor, limit_torque, pd_torque, weaker
 from footfall.robots.description import Robot
-from footfall.robots.targets import approach, within
+from footfall.robots.targets import approach
 from footfall.robots.winding import at_temperature
 
 
@@ -91,7 +92,7 @@ class JointLayer:
             self._requested, self._encodable = key, self._within_frames(values)
             if self._scale != 1.0:
                 self._encodable[2:] *= self._scale
-            self._goal = within(values[0], self._lower, self._upper)
+            self._goal = clamped(values[0], self._lower, self._upper)
             self._arrived = False
         if not self._arrived:
             self._target = approach(self._goal, self._target, self._step)
@@ -132,7 +133,7 @@ class JointLayer:
 
     def _within_frames(self, values: np.ndarray) -> np.ndarray:
         """A command (5, n) clamped to the frames' ranges, so that the predicted torque matches the frames."""
-        return within(values, self._driver.lowest, self._driver.highest)
+        return clamped(values, self._driver.lowest, self._driver.highest)
 
     def _clamped(self, values: np.ndarray, motor: Motor) -> np.ndarray:
         """A command (5, n) within every motor's torque limits, with all gains of a joint reduced equally."""

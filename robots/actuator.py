@@ -6,7 +6,7 @@ simulated motor applies it behind the bus, and the joint layer predicts torque w
 
 from typing import Any, NamedTuple
 
-from footfall.common.arrays import library
+from footfall.common.arrays import clamped, library
 
 Array = Any  # a NumPy or a JAX array
 
@@ -125,9 +125,7 @@ def limit_torque(torque: Array, velocity: Array, motor: Motor) -> Array:
     can only brake. The current limit holds there too, so it is applied last.
     """
     lower, upper = _supply_range(velocity, motor)
-    xp, peak = library(torque), motor.peak_torque
-    within_supply = xp.minimum(xp.maximum(torque, lower), upper)
-    return xp.minimum(xp.maximum(within_supply, -peak), peak)  # as `clip`, in half the time
+    return clamped(clamped(torque, lower, upper), -motor.peak_torque, motor.peak_torque)
 
 
 def _supply_range(velocity: Array, motor: Motor) -> tuple[Array, Array]:
@@ -144,9 +142,9 @@ def friction_torque(velocity: Array, motor: Motor, load: Array | None = None) ->
         motor: the motors' parameters.
         load: motor torque that the gearbox transmits, N m; None: without load friction.
     """
-    xp, upper = library(velocity), _dry_friction(velocity, motor, load)
+    upper = _dry_friction(velocity, motor, load)
     lower = -upper
-    coulomb = xp.minimum(xp.maximum(lower * (velocity / motor.friction_speed), lower), upper)
+    coulomb = clamped(lower * (velocity / motor.friction_speed), lower, upper)
     return coulomb - motor.damping * velocity
 
 
@@ -193,8 +191,7 @@ def _requested(command: JointCommand, position: Array, velocity: Array, motor: M
 
 def _duty(torque_demand: Array, motor: Motor) -> Array:
     """Share of the supply's voltage, -1 to 1, that a voltage-driven motor sets for a torque demand, N m."""
-    xp = library(torque_demand)
-    return xp.minimum(xp.maximum(torque_demand * motor.voltage_gain / motor.stall_torque, -1.0), 1.0)
+    return clamped(torque_demand * motor.voltage_gain / motor.stall_torque, -1.0, 1.0)
 
 
 def _driven(torque_demand: Array, velocity: Array, motor: Motor) -> Array:
@@ -228,8 +225,8 @@ def _through_gear(command: JointCommand, position: Array, velocity: Array, motor
     spring = command.kp * (command.position - position) + command.torque
     damping = _engaged_damping(command, position, motor)
     if motor.backlash is not None:
-        xp, half = library(velocity), 0.5 * command.kp * motor.backlash
-        spring = spring - xp.minimum(xp.maximum(spring, -half), half)
+        half = 0.5 * command.kp * motor.backlash
+        spring = spring - clamped(spring, -half, half)
     if motor.compliance is not None:
         spring = spring / (1.0 + command.kp * motor.compliance)
     return spring + damping * (command.velocity - velocity)

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from footfall.common.arrays import library
+from footfall.common.arrays import clamped
 
 Array = Any
 
@@ -25,15 +25,9 @@ def limit_target(
         rate_rad_s: fastest change of a target.
         dt_s: time since the previous tick.
     """
-    return approach(within(goal, lower, upper), previous, rate_rad_s * dt_s)
-
-
-def within(value: Array, lower: Array, upper: Array) -> Array:
-    """Same as `clip`, in half the time."""
-    xp = library(value)
-    return xp.minimum(xp.maximum(value, lower), upper)
+    return approach(clamped(goal, lower, upper), previous, rate_rad_s * dt_s)
 
 
 def approach(goal: Array, previous: Array, step: float) -> Array:
     """From the previous target towards the goal, by one step at most, rad, (..., n)."""
-    return previous + within(goal - previous, -step, step)
+    return previous + clamped(goal - previous, -step, step)

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.arrays import clamped
 from footfall.common.bounded_cache import BoundedCache
 from footfall.common.errors import UserError
 
@@ -109,8 +110,7 @@ class _Fields(NamedTuple):
 
     def pack(self, values: np.ndarray) -> np.ndarray:
         """Words (k,) from values (fields, k), which are clamped to the range."""
-        codes = np.maximum(values, self.lowest)
-        np.minimum(codes, self.highest, out=codes)
+        codes = clamped(values, self.lowest, self.highest)
         codes -= self.lowest
         codes *= self.codes_per_unit
         np.rint(codes, out=codes)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footfall.common.arrays import clamped
 from footfall.common.config import require_between
 from footfall.common.errors import UserError
 from footfall.deploy.sensor_checks.check import JointCheck, Limit
 from footfall.deploy.sensor_checks.joint_window import JointWindow
 from footfall.deploy.sensor_checks.memory import Memory
 from footfall.robots.description import Robot
-from footfall.robots.targets import within
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class NoTorque(JointCheck):
         self._no_torque_s = np.zeros(self._n)
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        expected = within((_certain(window, self._limits) - self._hidden) / self._span, 0.0, 1.0)
+        expected = clamped((_certain(window, self._limits) - self._hidden) / self._span, 0.0, 1.0)
         self._no_torque_s = (window.strongest <= self._little) * (
             self._no_torque_s + window.elapsed_s * expected
         )

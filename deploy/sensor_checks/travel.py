@@ -6,11 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from footfall.common.arrays import clamped
 from footfall.common.config import require_between
 from footfall.deploy.sensor_checks.check import JointCheck, Limit
 from footfall.deploy.sensor_checks.joint_window import JointWindow
 from footfall.robots.description import Robot
-from footfall.robots.targets import within
 
 CREEP_RAD_S = 0.25  # largest rate of a creeping drift: a sudden error is for the other checks
 REST_S = 0.2  # time without motion that counts as rest: a stance is shorter, and belongs to its stride
@@ -98,7 +98,7 @@ class _SignedTravel(JointCheck):
         """
         kept = math.exp(-window.elapsed_s / self._memory_s)
         bound = self.max_rad_s * window.elapsed_s
-        self._error = counts * (kept * self._error + moves * within(window.position_error, -bound, bound))
+        self._error = counts * (kept * self._error + moves * clamped(window.position_error, -bound, bound))
         kept = math.exp(-window.elapsed_s / self._late_memory_s)  # late readings have arrived since then
         self._late_s = kept * self._late_s + window.late_s
         self._fastest = np.maximum(kept * self._fastest, np.abs(window.joints[1]))

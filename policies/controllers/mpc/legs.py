@@ -4,14 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footfall.common.arrays import as_slice
+from footfall.common.arrays import as_slice, clamped
 from footfall.common.rotations import skew
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.rigid_body import RigidBody
-from footfall.robots.targets import within
 
 _INERTIA_SHARE = 0.5  # share of the peak torque available for the leg's own inertia
 
@@ -78,15 +77,15 @@ class LegControl:
         desired[:, :, 0] = pose.foot.dot(skew(turn)) - velocity
         desired[stance.swinging] = swing[:, 1:].transpose(0, 2, 1)
         rates = legs.joint_rates(jacobian, desired)
-        joint_velocity = within(rates[:, :, 0], *self._speeds)
+        joint_velocity = clamped(rates[:, :, 0], *self._speeds)
         inertia_torque = (self._body.leg_inertia @ rates[:, :, 1:])[:, :, 0]
 
         position = legs.gather(joint_position)
         if swinging:
             position[stance.swinging] = legs.solve(swing[:, 0], swinging)
-        torque = within(inertia_torque, *self._inertia_torques)
+        torque = clamped(inertia_torque, *self._inertia_torques)
         torque += legs.torque(jacobian, force)
-        torque += self._friction * within(joint_velocity / self._friction_speed, *self._ones)
+        torque += self._friction * clamped(joint_velocity / self._friction_speed, *self._ones)
         values = np.array((position, joint_velocity, stance.kp, stance.kd, torque))
         return JointCommand.of(legs.scatter(values, self._outside_legs))
 
