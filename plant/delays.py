@@ -27,9 +27,12 @@ class Delay:
         self.varies = transport.jitter_s is not None or transport.swing_s is not None
         parts = (transport.delay_s, transport.jitter_s, transport.swing_s)
         self.longest = round(sum(float(part) for part in parts if part is not None) / step_s)
+        self._constant = self.longest  # delay in steps, unless it varies
 
     def steps(self, step: int) -> int:
         """Delay of a frame that is sent in a physics step; `step` must not decrease between calls."""
+        if not self.varies:
+            return self._constant
         if self._transport.jitter_s is not None and step >= self._until:
             self._jitter = float(self._random.random())
             self._until = step - step % self._jitter_steps + self._jitter_steps

@@ -57,7 +57,8 @@ class Drivetrain:
         mean = demand
         if self._lag is not None:
             mean, self._lagged = lagged(demand, self._lagged, self._lag)
-        self.winding_c = warmed(self.winding_c, mean * mean, self._winding, self._step_s)
+        if self._winding is not None:
+            self.winding_c = warmed(self.winding_c, mean * mean, self._winding, self._step_s)
         return mean
 
     def friction(self, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
@@ -68,7 +69,8 @@ class Drivetrain:
         self,
         command: JointCommand,
         enabled: np.ndarray,
-        measured: np.ndarray,
+        position: np.ndarray,
+        encoder_bias: np.ndarray,
         velocity: np.ndarray,
         torque: np.ndarray,
     ) -> np.ndarray:
@@ -77,7 +79,7 @@ class Drivetrain:
         if self._net is None:
             return behind
         command = command._replace(kp=enabled * command.kp)
-        inputs = inputs_of(self._net, command, measured, velocity, torque)
+        inputs = inputs_of(self._net, command, position + encoder_bias, velocity, torque)
         learned = learned_torque(self._net, inputs, self._memory, self._step_s)
         self._memory = learned.memory
         result: np.ndarray = behind + learned.torque

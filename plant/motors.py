@@ -147,8 +147,9 @@ class SimulatedMotors:
             velocity: true joint velocities, rad/s.
             torque: torque of the motors, as `torque` returns it.
         """
-        measured = position + self.encoder_bias
-        return self.drivetrain.behind_gearbox(self._command, self.enabled, measured, velocity, torque)
+        return self.drivetrain.behind_gearbox(
+            self._command, self.enabled, position, self.encoder_bias, velocity, torque
+        )
 
     def answer(self, step: int, frames: Frames, readings: np.ndarray) -> Frames | None:
         """Process frames; returns the replies of the addressed motors.

@@ -135,22 +135,24 @@ class SimulatedWires:
         start = [free_at if free_at > now_us else now_us for free_at in self._free_at]
         self._free_at = [begun + taken for begun, taken in zip(start, plan.occupied, strict=True)]
         self._all_free_at = max(self._free_at)
-        return start
+        same = start.count(start[0]) == len(start)  # usually: all wires carry as many frames
+        return start[0] if same else start
 
     def _overtaken(self, side: Side, plan: Plan, now_us: float) -> list[int]:
         """Wires on which a frame of a new batch precedes a queued one."""
         overtaken: list[int] = []
         if self._all_free_at <= now_us:
-            self._last_waiting = plan.last.copy()
+            self._last_waiting = plan.last
         else:
-            last = self._last_waiting
+            waiting = self._last_waiting
+            self._last_waiting = plan.last.copy()
             for wire, free_at in enumerate(self._free_at):
-                if free_at <= now_us:
-                    last[wire] = plan.last[wire]
-                else:
-                    if plan.first[wire] < last[wire]:
+                if free_at > now_us:
+                    last = waiting[wire]
+                    if plan.first[wire] < last:
                         overtaken.append(wire)
-                    last[wire] = max(last[wire], plan.last[wire])
+                    if last > plan.last[wire]:
+                        self._last_waiting[wire] = last
         return overtaken if plan.orderly or side is Side.HOST else plan.wires
 
     def _repeat(self, side: Side, batch: _Batch) -> None:

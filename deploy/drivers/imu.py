@@ -16,6 +16,7 @@ An IMU without orientation sends only the first two frames (`footfall-inertial`)
 import math
 import struct
 from collections.abc import Sequence
+from operator import truediv
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +48,7 @@ class Inertial(NamedTuple):
 def encode(reading: Inertial, counter: int) -> np.ndarray:
     """The three frames of a reading, (3, 8) uint8, in the order of `IDS`."""
     values = (*reading.gyro, *reading.acceleration, *reading.quaternion)
-    codes = [value / unit for value, unit in zip(values, _UNITS, strict=True)]
+    codes = list(map(truediv, values, _UNITS))
     count = counter % COUNTER_VALUES
     try:
         data = _packed(codes, count)

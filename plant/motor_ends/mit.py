@@ -69,7 +69,7 @@ class MitMotorEnd(PolledMotorEnd):
         return motor, frames.data[rows]
 
     def reply(self, motor: Motors, report: Report) -> Frames:
-        tail = report.error | (np.asarray(report.temperature_c, np.uint64) << np.uint64(8))
+        tail = report.error | np.uint64(report.temperature_c << 8)
         data = self._codec.encode_replies(motor, self._head[motor], report.values, tail)
         channel, identifier, _, length, _ = self._outgoing
         if isinstance(motor, slice):

@@ -53,7 +53,9 @@ class Report(NamedTuple):
     supply: tuple[float, float] = DEFAULT_SUPPLY  # V, and A of each motor
 
     def take(self, motor: Motors) -> "Report":
-        """The state of some of these motors."""
+        """The state of some of these motors (indices), or of all (a slice)."""
+        if isinstance(motor, slice):
+            return self
         temperature_c = self.temperature_c
         if isinstance(temperature_c, np.ndarray):
             temperature_c = temperature_c[motor]
