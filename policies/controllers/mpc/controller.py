@@ -133,7 +133,7 @@ class Mpc:
         self.swing_feet.reset()
         self.swing_feet.height_m = self._config.swing.height_m
         self.forces.reset()
-        self.stands = np.ones(count, dtype=bool)
+        self.stands, self._planned = np.ones(count, dtype=bool), self._planned_stance()
         self._swinging: list[int] = []
         self._ticks_to_solve = 0
 
@@ -154,10 +154,10 @@ class Mpc:
         dt_s = 1.0 / self.rate_hz
         inputs = self._lookahead.predict(inputs)
         pose = self._legs.pose(inputs.sensed.joint_position)
-        inputs = self.slope.follow(inputs, pose.foot, self._planned_stance(), dt_s)
+        inputs = self.slope.follow(inputs, pose.foot, self._planned, dt_s)
         base = self.follower.follow(inputs, dt_s)
         self._step_clock(inputs, base, pose, dt_s)
-        planned = self._planned_stance()
+        self._planned = planned = self._planned_stance()
         self._grip.follow(inputs.sensed, pose, base.rotation[2], planned, dt_s)
         self.reference.advance(base, self.command.value, dt_s)
 
@@ -205,7 +205,7 @@ class Mpc:
         body = self._body
         wrenches = self.wrenches.dot(base.rotation)
         turn = body.inverse_inertia @ wrenches.about(pose.foot - body.centre)
-        linear = wrenches.force.sum(axis=0) / body.mass - cross(turn, body.centre)
+        linear = np.add.reduce(wrenches.force) / body.mass - cross(turn, body.centre)
         both = np.array([linear, turn]).dot(base.rotation.T)
         both[0] += self.slope.gravity
         return both.dot(self.slope.axes.T).ravel()
@@ -228,7 +228,7 @@ class Mpc:
 
     def stance(self) -> np.ndarray | None:
         expected = self._lookahead.stance()
-        return self._planned_stance() if expected is None else expected
+        return self._planned if expected is None else expected
 
     def footholds(self) -> np.ndarray:
         return self.swing_feet.footholds(self.slope.axes)

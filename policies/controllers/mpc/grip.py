@@ -57,11 +57,14 @@ class Grip:
         if len(standing) < 2:
             return
         legs = self._legs
-        jacobian = (pose.jacobian + legs.rolling_offset(pose.axes, up))[standing]
-        rates = legs.gather(sensed.joint_velocity)[standing]
+        jacobian = (pose.jacobian + legs.rolling_offset(pose.axes, up)).take(standing, axis=0)
+        rates = legs.gather(sensed.joint_velocity).take(standing, axis=0)
         velocity = (jacobian @ rates[:, :, None])[:, :, 0] + cross(sensed.gyro, pose.foot[standing])
-        difference = velocity - velocity.mean(axis=0)
-        horizontal_sq = float(np.einsum("li,li->", difference, difference) - (difference.dot(up) ** 2).sum())
+        difference = velocity - np.add.reduce(velocity) / len(standing)
+        vertical = difference.dot(up)
+        horizontal_sq = float(
+            np.einsum("li,li->", difference, difference) - np.add.reduce(vertical * vertical)
+        )
         slip = (max(horizontal_sq, 0.0) / len(standing)) ** 0.5
         self._slip_m_s += dt_s / (_FILTER_S + dt_s) * (slip - self._slip_m_s)
         if self._slip_m_s > self._config.slip_m_s:

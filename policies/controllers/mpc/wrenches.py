@@ -25,7 +25,7 @@ class Wrenches(NamedTuple):
 
     def about(self, arms: np.ndarray) -> np.ndarray:
         """Total moment (3,), N m, about a point, with arms (legs, 3), m, from that point to the feet."""
-        return moment(arms, self.force) + self.moment.sum(axis=0)
+        return moment(arms, self.force) + np.add.reduce(self.moment)
 
 
 def moment(arms: np.ndarray, forces: np.ndarray) -> np.ndarray:
