@@ -121,7 +121,9 @@ class SignalSource:
             now_s,
             MotorSignals(
                 motor_silence_us * 1e-6,
-                self._silent(motor_us, now_us, oldest),
+                self._labels[oldest]
+                if motor_silence_us <= self._silence_us
+                else self._silent(motor_us, now_us, oldest),
                 self._error_of(motor_error) if np.count_nonzero(motor_error) else "",
             ),
             ImuSignals(
@@ -157,15 +159,13 @@ class SignalSource:
         return StartSignals(not_ready, pose), implausible
 
     def _silent(self, motor_us: np.ndarray, now_us: int, oldest: int) -> str:
-        """Name of the motor that has been silent longest; "any motor" (on its bus) if all of them are
-        silent."""
-        if now_us - motor_us[oldest] > self._silence_us:
-            silent, channel = now_us - motor_us > self._silence_us, self._channel[oldest]
-            on_same_bus = silent[self._channel == channel]
-            if silent.all() and len(silent) > 1:
-                return "any motor"
-            if on_same_bus.all() and len(on_same_bus) > 1:
-                return f"any motor on {self._buses[channel]}"
+        """Name of the silent motor; "any motor" (on its bus) if all of them are silent."""
+        silent, channel = now_us - motor_us > self._silence_us, self._channel[oldest]
+        on_same_bus = silent[self._channel == channel]
+        if silent.all() and len(silent) > 1:
+            return "any motor"
+        if on_same_bus.all() and len(on_same_bus) > 1:
+            return f"any motor on {self._buses[channel]}"
         return self._labels[oldest]
 
     def _error_of(self, errors: np.ndarray) -> str:

@@ -107,6 +107,7 @@ class CommandsIgnored(JointCheck):
     def __init__(self, robot: Robot, limits: Limits, sample_s: float) -> None:
         self._limits, self._least = limits, limits.torque_little * robot.motor.peak_torque
         self._n = len(self._least)
+        self._joints = np.arange(self._n)
         self.reset()
 
     def reset(self) -> None:
@@ -116,16 +117,16 @@ class CommandsIgnored(JointCheck):
     def measure(self, window: JointWindow) -> np.ndarray:
         late = math.ceil(self._limits.explained_s / window.elapsed_s)  # windows by which a report may lag
         count = math.ceil(self._limits.commands_ignored_s / window.elapsed_s)
-        self._windows.append(np.vstack((window.mean, window.commanded_mean, window.gains)))
+        self._windows.append(np.concatenate((window.mean, window.commanded_mean[None], window.gains)))
         while len(self._windows) > count + late:
             self._windows.popleft()
         if len(self._windows) < count + late:
             return np.zeros(self._n)
         position, velocity, torque, commanded, kp, kd = np.array(self._windows).transpose(1, 0, 2)
-        old = np.array([kp.argmin(axis=0), kp.argmax(axis=0)])[:, None]  # (2, 1, n) windows of old commands
-        readings = np.take_along_axis(kp[None], old, 1) * position
-        readings += np.take_along_axis(kd[None], old, 1) * velocity
-        shown = (torque + readings).std(axis=1)
+        old = np.array([kp.argmin(axis=0), kp.argmax(axis=0)]), self._joints  # windows of old commands
+        readings = kp[old][:, None] * position
+        readings += kd[old][:, None] * velocity
+        shown = _deviation(torque + readings)
         changed = _changed((commanded + readings)[:, :count])
         at_mean = commanded + kp * (position - position.mean(axis=0)) + kd * velocity
         commands_ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._least)).max(axis=0)
@@ -135,7 +136,16 @@ class CommandsIgnored(JointCheck):
 def _changed(values: np.ndarray) -> np.ndarray:
     """Standard deviation along the second axis, without one extreme value."""
     ordered = np.sort(values, axis=1)
-    return np.minimum(ordered[:, 1:].std(axis=1), ordered[:, :-1].std(axis=1))
+    return np.minimum(_deviation(ordered[:, 1:]), _deviation(ordered[:, :-1]))
+
+
+def _deviation(values: np.ndarray) -> np.ndarray:
+    """Standard deviation along the second axis: as `values.std(axis=1)`, in half the time."""
+    count = values.shape[1]
+    away = values - np.add.reduce(values, axis=1, keepdims=True) / count
+    away *= away
+    deviation: np.ndarray = np.sqrt(np.add.reduce(away, axis=1) / count)
+    return deviation
 
 
 def _smallest_of_last(values: np.ndarray, count: int) -> np.ndarray:
