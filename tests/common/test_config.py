@@ -1,11 +1,13 @@
 """Dataclasses from YAML and back."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import pytest
 import yaml
+from refused import refusal_of
 
 from footfall.common import config
 from footfall.common.config import (
@@ -145,9 +147,7 @@ def test_invalid_and_ambiguous_yaml_is_refused_in_one_line(tmp_path: Path) -> No
         (BOMB.encode(), "aliases .*line"),
     ):
         (tmp_path / "cart.yaml").write_bytes(content)
-        with pytest.raises(UserError, match=rf"cart\.yaml .*{why}") as caught:
-            read_yaml(tmp_path / "cart.yaml")
-        assert "\n" not in str(caught.value)
+        assert re.search(rf"cart\.yaml .*{why}", refusal_of(read_yaml, tmp_path / "cart.yaml"))
 
 
 def test_a_mappings_own_keys_override_its_merged_keys(tmp_path: Path) -> None:

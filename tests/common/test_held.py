@@ -30,10 +30,7 @@ def test_another_process_is_named_until_it_ends_or_is_killed(name: str) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE) as other:
         assert other.stdout is not None
         assert other.stdout.readline() == b"held\n"
-        with (
-            pytest.raises(UserError, match=rf"^bus can0 .*\b{other.pid}\b"),
-            held(name, "bus can0"),
-        ):
+        with pytest.raises(UserError, match=rf"^bus can0 .*\b{other.pid}\b"), held(name, "bus can0"):
             pass
         other.send_signal(signal.SIGKILL)
     with held(name, "bus can0"):  # nothing stale is left

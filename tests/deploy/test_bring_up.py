@@ -13,10 +13,7 @@ from footfall.common.config import load
 from footfall.deploy.bring_up import criteria
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.bring_up.criteria import Case, Criterion, Window
-from footfall.deploy.bring_up.motions import (
-    one_after_the_other,
-    swaying,
-)
+from footfall.deploy.bring_up.motions import one_after_the_other, swaying
 from footfall.deploy.bring_up.recording import Samples
 from footfall.deploy.bring_up.steps import STEPS, Plan, Setting, Step, Verdict, _Judge, run_step
 from footfall.deploy.config import DeployConfig

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
+from edited import content_of
 from foot_sensors import equipped
 from some_motors import frame
 
@@ -68,12 +68,10 @@ class TestFrames:
 class TestDeclaration:
     def written(self, folder: Path, **buses: str) -> Path:
         """A robot with force sensors on these buses, by foot."""
-        path = folder / "robot.yaml"
-        content = yaml.safe_load(path.read_text())
-        for foot in content["feet"]:
-            if foot["name"] in buses:
-                foot["force_bus"] = buses[foot["name"]]
-        path.write_text(yaml.safe_dump(content))
+        with content_of(folder / "robot.yaml") as content:
+            for foot in content["feet"]:
+                if foot["name"] in buses:
+                    foot["force_bus"] = buses[foot["name"]]
         return folder
 
     def test_bad_declarations_are_refused(self, own_folder: Path, go1: Robot, sensing: Robot) -> None:

@@ -15,8 +15,7 @@ from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.state import State
 
 CONFIG = replace(
-    IN_C,
-    observation=(ObservationConfig("joint_position"), ObservationConfig("joint_velocity", 0.05)),
+    IN_C, observation=(ObservationConfig("joint_position"), ObservationConfig("joint_velocity", 0.05))
 )
 ENVIRONMENTS, STEPS = 16, 6
 

@@ -149,8 +149,7 @@ class TestDivergence:
         monkeypatch.chdir(tmp_path)  # where MuJoCo would log its warnings
         well = jax.device_get(step(begun, actions()[0]))
         ill = begun._replace(
-            qpos=begun.qpos.at[3, 6].set(jnp.nan),
-            qvel=begun.qvel.at[5, 6].set(jnp.inf).at[7, 0].set(1e20),
+            qpos=begun.qpos.at[3, 6].set(jnp.nan), qvel=begun.qvel.at[5, 6].set(jnp.inf).at[7, 0].set(1e20)
         )
         after, observation, result = jax.device_get(step(ill, actions()[0]))
         assert np.flatnonzero(result.metrics["episode/diverged"]).tolist() == [3, 5, 7]

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from go1_smoke import IN_C, ROBOT
+from refused import refusal_of
 
-from footfall.common.errors import UserError
 from footfall.envs.batch import step_batch
 from footfall.envs.config import (
     CurriculumConfig,
@@ -116,10 +116,7 @@ def own_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
 
 
 def refusal(**changes: object) -> str:
-    with pytest.raises(UserError) as refused:
-        make_environment(ROBOT, replace(IN_C, **changes))
-    assert "\n" not in str(refused.value)
-    return str(refused.value)
+    return refusal_of(make_environment, ROBOT, replace(IN_C, **changes))
 
 
 def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refused import refusal_of
 
 from footfall.common.errors import UserError
 from footfall.evaluate.episodes import sample_of
@@ -23,13 +24,6 @@ def written(folder: Path, text: str, bare: str = "about: x, episodes: 1, duratio
     path = folder / "own.yaml"
     path.write_text(f"scenarios: {{own: {{{bare}{text}}}}}")
     return path
-
-
-def refusal(path: Path) -> str:
-    with pytest.raises(UserError) as caught:
-        load_scenarios(ROBOT, path)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
 
 
 def test_an_impossible_scenario_is_refused_with_its_field(tmp_path: Path) -> None:
@@ -64,14 +58,14 @@ def test_an_impossible_scenario_is_refused_with_its_field(tmp_path: Path) -> Non
         ("pushes: [{time_s: 1, delta_v_m_s: [1, 0, 1e9]}]", "delta_v_m_s"),
         ("forward_share: high", "own.yaml"),
     ):
-        assert named in refusal(written(tmp_path, text)), text
+        assert named in refusal_of(load_scenarios, ROBOT, written(tmp_path, text)), text
     for bare, named in (
         ("about: x, episodes: 1", "duration_s"),
         ("about: x, episodes: 100001, duration_s: 5", "episodes"),
         ("about: x, episodes: 0, duration_s: 5", "episodes"),
         ("about: x, episodes: 1, duration_s: 86401", "duration_s"),
     ):
-        assert named in refusal(written(tmp_path, "", bare)), bare
+        assert named in refusal_of(load_scenarios, ROBOT, written(tmp_path, "", bare)), bare
 
 
 class TestCommandsOfARobot:
@@ -102,7 +96,7 @@ class TestCommandsOfARobot:
     def test_no_load_may_make_the_base_weightless(self, tmp_path: Path) -> None:
         """A Go1's base is 5.204 kg in Unitree's model."""
         load_scenarios(ROBOT, written(tmp_path, "levels: {payload_kg: [-5.2, 1]}"))
-        complaint = refusal(written(tmp_path, "levels: {payload_kg: [1, -5.21]}"))
+        complaint = refusal_of(load_scenarios, ROBOT, written(tmp_path, "levels: {payload_kg: [1, -5.21]}"))
         assert "payload_kg" in complaint
         assert "-5.21" in complaint
 

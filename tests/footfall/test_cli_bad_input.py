@@ -4,6 +4,7 @@ import socket
 from pathlib import Path
 
 import pytest
+from edited import edit
 from shell import Shell
 
 from footfall.robots.description import ROBOTS
@@ -226,8 +227,7 @@ def test_the_policy_of_another_robot_is_refused(shell: Shell, own_folder: Path, 
     from tiny_policy import write_policy
 
     walk = write_policy(onnx, tmp_path / "walk.onnx", ROBOTS / "go1")
-    declaration = own_folder / "robot.yaml"
-    declaration.write_text(declaration.read_text().replace("default_rad: 0.9", "default_rad: 0.8"))
+    edit(own_folder, "robot.yaml", "default_rad: 0.9", "default_rad: 0.8")
     complaint = shell.refuses("deploy", walk, "--robot", own_folder)
     assert "walk.onnx" in complaint
     assert "default_pose_rad" in complaint

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
+from edited import content_of
 from shell import Shell
 
 from footfall.deploy import bench, scan
@@ -81,10 +81,8 @@ VICTIM = 11  # RL_calf_joint
 
 def with_knees(folder: Path, protocol: str) -> Path:
     """A robot with motors of another kind in its knees."""
-    declaration = folder / "robot.yaml"
-    content = yaml.safe_load(declaration.read_text())
-    content["motors"]["knee"]["protocol"] = protocol
-    declaration.write_text(yaml.safe_dump(content))
+    with content_of(folder / "robot.yaml") as content:
+        content["motors"]["knee"]["protocol"] = protocol
     return folder
 
 

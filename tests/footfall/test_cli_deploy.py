@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from edited import edit
 from quick_relaxed import written
 from recorder import Recorder
 from shell import Shell
@@ -24,8 +25,7 @@ SHORT = ("--duration", "0.6")
 
 def test_a_users_robot_and_policy_are_deployed(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
-    declaration = own_folder / "robot.yaml"
-    declaration.write_text(declaration.read_text().replace("name: go1", "name: mine"))
+    edit(own_folder, "robot.yaml", "name: go1", "name: mine")
     walk = write_policy(onnx, tmp_path / "walk.onnx", own_folder)
     assert shell("deploy", walk, "--robot", own_folder, *SHORT, "--config", written(tmp_path)).status == 0
     assert "mine" in shell.refuses("deploy", walk, *SHORT)

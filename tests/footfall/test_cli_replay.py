@@ -1,10 +1,10 @@
 """`footfall replay`: choice of policy and robot, exit status, output."""
 
 import json
-import re
 from pathlib import Path
 
 import pytest
+from edited import edit
 from quick_relaxed import written
 from shell import Shell
 from tiny_policy import write_policy
@@ -56,12 +56,10 @@ def test_a_users_robot_is_found(
     shell: Shell, short: tuple[str, ...], own_folder: Path, tmp_path: Path
 ) -> None:
     log = tmp_path / "run.mcap"
-    declaration = own_folder / "robot.yaml"
-    declaration.write_text(declaration.read_text().replace("name: go1", "name: mine"))
+    edit(own_folder, "robot.yaml", "name: go1", "name: mine")
     assert shell("deploy", "stand", "--robot", own_folder, *short, "--log", log).status == 0
     assert shell("replay", log).status == 0
-    height = re.compile("^standing_height_m: .*", re.MULTILINE)
-    declaration.write_text(height.sub("standing_height_m: 0.29", declaration.read_text()))
+    edit(own_folder, "robot.yaml", "standing_height_m: 0.2945", "standing_height_m: 0.29")
     assert "give --robot" in shell.refuses("replay", log)
     assert shell("replay", log, "--robot", own_folder).status == 0
 

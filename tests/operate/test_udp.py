@@ -112,8 +112,5 @@ def test_short_tokens_and_wrong_addresses_are_refused(monkeypatch: pytest.Monkey
         with pytest.raises(ValueError, match="HOST:PORT"):
             UdpConfig(address)
     monkeypatch.setenv("FOOTFALL_TOKEN", "short")
-    with (
-        pytest.raises(UserError),
-        steered_by_udp(Inbox(), abilities, UdpConfig("127.0.0.1:0")),
-    ):
+    with pytest.raises(UserError), steered_by_udp(Inbox(), abilities, UdpConfig("127.0.0.1:0")):
         pass

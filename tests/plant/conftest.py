@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-import yaml
+from edited import content_of, edit
 
 from footfall.robots.description import Robot, load_robot
 
@@ -14,16 +14,12 @@ ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]
 @pytest.fixture
 def altered(own_folder: Path) -> Robot:
     """go1 with its joints in another order and a foot of two spheres; before it a gate that swings."""
-    xml = own_folder / "robot.xml"
-    text = xml.read_text()
     gate = '<body pos="3 0 1"><joint name="gate" axis="0 0 1" ref="0.7"/><geom size="0.2"/></body>'
     # three centimetres behind it in the default pose
     heel = '<geom name="FR_foot" class="foot"/><geom name="FR_heel" class="foot" pos="-0.01865 0 -0.1895"/>'
-    text = text.replace("<worldbody>", f"<worldbody>{gate}")
-    xml.write_text(text.replace('<geom name="FR_foot" class="foot"/>', heel))
-    declaration = own_folder / "robot.yaml"
-    content = yaml.safe_load(declaration.read_text())
-    content["joints"] = [content["joints"][k] for k in ORDER]
-    content["feet"][0]["geoms"] = ["FR_foot", "FR_heel"]
-    declaration.write_text(yaml.safe_dump(content))
+    edit(own_folder, "robot.xml", "<worldbody>", f"<worldbody>{gate}")
+    edit(own_folder, "robot.xml", '<geom name="FR_foot" class="foot"/>', heel)
+    with content_of(own_folder / "robot.yaml") as content:
+        content["joints"] = [content["joints"][k] for k in ORDER]
+        content["feet"][0]["geoms"] = ["FR_foot", "FR_heel"]
     return load_robot(own_folder)

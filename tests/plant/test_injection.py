@@ -10,12 +10,7 @@ from reports import report
 from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wiring_of
-from footfall.plant.frame_changes import (
-    dropped,
-    flipped,
-    from_imu,
-    late,
-)
+from footfall.plant.frame_changes import dropped, flipped, from_imu, late
 from footfall.plant.injection import FaultInjector, InjectingBus, InjectingCommandSource
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot

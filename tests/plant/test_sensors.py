@@ -29,16 +29,7 @@ from footfall.policies.observation import TERMS, reading_term
 from footfall.robots import kinds
 from footfall.robots.kinds import Parts
 from footfall.robots.model import training_model
-from footfall.robots.readings import (
-    READINGS,
-    SENSED,
-    Readings,
-    Sensed,
-    as_vector,
-    from_vector,
-    read,
-    reading,
-)
+from footfall.robots.readings import READINGS, SENSED, Readings, Sensed, as_vector, from_vector, read, reading
 from footfall.train.config import load_preset
 
 N = 12

@@ -1,20 +1,19 @@
 """Settings of controllers on the command line: overrides, files, refusals."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from refused import refusal_of
 
 from footfall.common.config import merged, structure, unstructure
 from footfall.common.errors import UserError
 from footfall.policies.controllers.stand import StandConfig
-from footfall.policies.registry import controllers_of, lasting_spec, load_settings
+from footfall.policies.registry import controllers_of, lasting_spec, load_policy, load_settings
 from footfall.policies.spec import add_settings
 from footfall.robots.description import Robot, available_robots, load_robot
-
-Refusal = Callable[[str, Robot], str]
 
 
 @pytest.fixture
@@ -47,7 +46,7 @@ class TestOverrides:
         assert settings == replace(load_settings("stand", go1), kp=62.0, kd=2.5)  # type: ignore[type-var]
 
 
-def test_a_wrong_setting_is_refused_with_its_reason(go1: Robot, refusal: Refusal, tmp_path: Path) -> None:
+def test_a_wrong_setting_is_refused_with_its_reason(go1: Robot, tmp_path: Path) -> None:
     bad = tmp_path / "bad.yaml"
     for spec, named in (
         ("stand@kq=1", "rate_hz, kp, kd, tilt_gain,"),
@@ -69,9 +68,9 @@ def test_a_wrong_setting_is_refused_with_its_reason(go1: Robot, refusal: Refusal
         (f"stand@{bad}", "bad.yaml"),
     ):
         bad.write_text("[1, 2]")
-        assert named in refusal(spec, go1)
+        assert named in refusal_of(load_policy, spec, go1)
     bad.write_text("a: b: c")
-    assert "bad.yaml" in refusal(f"stand@{bad}", go1)
+    assert "bad.yaml" in refusal_of(load_policy, f"stand@{bad}", go1)
 
 
 class TestSetOption:
@@ -159,7 +158,7 @@ class TestImpossibleNumbers:
                 checked.add(name)
         assert checked >= ABOVE_ZERO | MAY_BE_NEGATIVE | MIXED
 
-    def test_impossible_ranges_shares_and_weights_are_refused(self, refusal: Refusal) -> None:
+    def test_impossible_ranges_shares_and_weights_are_refused(self) -> None:
         for robot, spec, name in (
             *(
                 ("go1", f"mpc@weights.{task}=[1, 0, -1]", task)
@@ -175,6 +174,6 @@ class TestImpossibleNumbers:
             ("go1", "trot@from_progress=1.1", "from_progress"),
             ("go1", "trot@rate_share=1.1", "rate_share"),
         ):
-            assert f"{name} must be" in refusal(spec, load_robot(robot))
+            assert f"{name} must be" in refusal_of(load_policy, spec, load_robot(robot))
         spec = "step@step_s=0.6@double_support_s=0.59"
         assert load_settings(spec, load_robot("g1")).gait.double_support_s == 0.59

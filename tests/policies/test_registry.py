@@ -2,12 +2,13 @@
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.machinery import PathFinder
 from pathlib import Path
 
 import pytest
-import yaml
+from edited import content_of
+from refused import refusal_of
 from shell import Shell
 from tiny_policy import write_policy
 
@@ -22,8 +23,6 @@ from footfall.policies.registry import (
     walking_controllers,
 )
 from footfall.robots.description import Robot, available_robots, load_robot
-
-Refusal = Callable[[str, Robot], str]
 
 
 class TestControllers:
@@ -56,16 +55,16 @@ class TestControllers:
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         assert done.stdout.strip() == "[]"
 
-    def test_a_robot_has_the_controllers_with_settings(self, own_folder: Path, refusal: Refusal) -> None:
+    def test_a_robot_has_the_controllers_with_settings(self, own_folder: Path) -> None:
         settings = own_folder / "controllers.yaml"
-        sections = yaml.safe_load(settings.read_text())
-        sections = {name: sections[name] for name in ("stand", "trot")}
-        settings.write_text(yaml.safe_dump(sections))
+        with content_of(settings) as sections:
+            for name in sections.keys() - {"stand", "trot"}:
+                del sections[name]
         robot = load_robot(own_folder)
         assert controllers_of(robot) == ["stand", "trot"]
         assert walking_controllers(robot) == ["trot"]
-        assert "'mpc'" in refusal("mpc", robot)
-        assert "stand, trot, go1-flat" in refusal("dance", robot)
+        assert "'mpc'" in refusal_of(load_policy, "mpc", robot)
+        assert "stand, trot, go1-flat" in refusal_of(load_policy, "dance", robot)
         for text, named in (("tort: {kp: 1.0}", "tort"), ("[stand, trot]", r"controllers\.yaml")):
             settings.write_text(text)
             with pytest.raises(UserError, match=named):
@@ -112,7 +111,7 @@ class TestOwn:
         assert found.origin != str(tmp_path / "this.py")
 
     def test_a_class_without_a_policys_methods_is_refused_in_one_line(
-        self, go1: Robot, tmp_path: Path, refusal: Refusal
+        self, go1: Robot, tmp_path: Path
     ) -> None:
         for spec, found in (
             ("yours:Sway", f"'yours': it is neither in {tmp_path} nor installed"),
@@ -123,7 +122,7 @@ class TestOwn:
             ("needy:Sway", "ModuleNotFoundError: No module named 'not_there' (needy.py:1)"),
             ("typo:Sway", "SyntaxError: invalid syntax (typo.py, line 1)"),
         ):
-            assert found in refusal(spec, go1)
+            assert found in refusal_of(load_policy, spec, go1)
 
 
 class TestLearned:
@@ -147,20 +146,20 @@ class TestLearned:
         renamed = (run / "policy.onnx").rename(run / "gentle.bin")
         assert load_policy(str(renamed), go1).name == "gentle"
 
-    def test_a_zoo_policy_of_another_robot_is_refused(self, go1: Robot, refusal: Refusal) -> None:
-        assert "hexapod" in refusal("hexapod-flat", go1)
+    def test_a_zoo_policy_of_another_robot_is_refused(self, go1: Robot) -> None:
+        assert "hexapod" in refusal_of(load_policy, "hexapod-flat", go1)
 
 
 def test_a_folder_without_a_policy_is_refused_with_the_command_that_makes_one(
-    go1: Robot, tmp_path: Path, refusal: Refusal
+    go1: Robot, tmp_path: Path
 ) -> None:
-    assert "stand, trot, " in refusal("", go1)
-    assert f"no policy in {tmp_path}" in refusal(str(tmp_path), go1)
+    assert "stand, trot, " in refusal_of(load_policy, "", go1)
+    assert f"no policy in {tmp_path}" in refusal_of(load_policy, str(tmp_path), go1)
     (tmp_path / "run.yaml").touch()
     (tmp_path / "checkpoints").mkdir()
-    assert f"'footfall train --resume {tmp_path}'" in refusal(str(tmp_path), go1)
+    assert f"'footfall train --resume {tmp_path}'" in refusal_of(load_policy, str(tmp_path), go1)
     (tmp_path / "checkpoints" / "00000010.ckpt").touch()
-    assert f"'footfall export {tmp_path}'" in refusal(str(tmp_path), go1)
+    assert f"'footfall export {tmp_path}'" in refusal_of(load_policy, str(tmp_path), go1)
 
 
 def test_a_zoo_policy_needs_the_robots_complete_name(

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from edited import edit
 from foreign_robots import BALL, quadruped
 from shell import Shell
 
@@ -120,8 +121,7 @@ class TestCommand:
         assert "the robot cannot stand by joint stiffness alone" in capsys.readouterr().out
         falls = "wrong: it does not stand"
         assert falls not in wrong(tmp_path / "two", capsys, "3")
-        yaml = tmp_path / "two" / "robot.yaml"
-        yaml.write_text(yaml.read_text().replace("held_start: true", ""))
+        edit(tmp_path / "two", "robot.yaml", "held_start: true", "")
         assert falls in wrong(tmp_path / "two", capsys, "3")
 
     def test_motors_near_their_limit_are_reported(

@@ -5,22 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from edited import edit
+from edited import content_of, edit
+from refused import refusal_of
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
 
 
-def refusal(folder: Path | str) -> str:
-    with pytest.raises(UserError) as caught:
-        load_robot(folder)
-    message = str(caught.value)
-    assert "\n" not in message
-    return message
-
-
 def test_unknown_robot_lists_the_known_ones() -> None:
-    message = refusal("rex")
+    message = refusal_of(load_robot, "rex")
     assert "rex" in message
     assert "go1" in message
 
@@ -97,7 +90,7 @@ def test_wrong_value_is_named(own_folder: Path, file: str, rows: tuple[tuple[str
     for old, new, expected in rows:
         assert old in text
         (own_folder / file).write_text(text.replace(old, new, 1))
-        assert expected in refusal(own_folder), (old, new)
+        assert expected in refusal_of(load_robot, own_folder), (old, new)
 
 
 @pytest.mark.parametrize(
@@ -113,7 +106,7 @@ def test_garbage_is_refused(own_folder: Path, file: str, contents: tuple[bytes |
             (own_folder / file).unlink()
         else:
             (own_folder / file).write_bytes(content)
-        assert file in refusal(own_folder)
+        assert file in refusal_of(load_robot, own_folder)
 
 
 def test_values_that_contradict_each_other_are_refused(own_folder: Path) -> None:
@@ -126,7 +119,7 @@ def test_values_that_contradict_each_other_are_refused(own_folder: Path) -> None
         *((each, "must be a range from low to high") for each in ranges),
     ):
         declaration.write_text(yaml.safe_dump(content | change))
-        assert expected in refusal(own_folder)
+        assert expected in refusal_of(load_robot, own_folder)
 
 
 def test_imu_on_a_leg(own_folder: Path) -> None:
@@ -134,7 +127,7 @@ def test_imu_on_a_leg(own_folder: Path) -> None:
     site = text[text.index("<site") : text.index("/>", text.index("<site")) + 2]
     edit(own_folder, "robot.xml", site, "")
     edit(own_folder, "robot.xml", '<joint name="FR_hip_joint"', f'{site}<joint name="FR_hip_joint"')
-    assert "imu" in refusal(own_folder)
+    assert "imu" in refusal_of(load_robot, own_folder)
 
 
 def test_gains_follow_from_reflected_inertia(go1: Robot) -> None:
@@ -170,7 +163,7 @@ def test_motors_have_the_optional_effects_that_their_file_gives(own_folder: Path
 
 def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder: Path, go1: Robot) -> None:
     """Joints are listed in reverse, a tail has no motor, and all joints differ."""
-    xml, declaration = own_folder / "robot.xml", own_folder / "robot.yaml"
+    xml = own_folder / "robot.xml"
     tail = '<body name="tail"><joint name="tail" range="-9 9" frictionloss="8" damping="7" armature="6"/>'
     text = xml.read_text().replace(
         '<body name="RR_hip"', f'{tail}<geom size="0.01" mass="0.1"/></body><body name="RR_hip"'
@@ -185,9 +178,8 @@ def test_each_joint_has_its_own_figures_beside_joints_without_a_motor(own_folder
         assert f'name="{name}"' in text
         text = text.replace(f'name="{name}"', f'name="{name}" {figures}')
     xml.write_text(text)
-    content = yaml.safe_load(declaration.read_text())
-    content["joints"].reverse()
-    declaration.write_text(yaml.safe_dump(content))
+    with content_of(own_folder / "robot.yaml") as content:
+        content["joints"].reverse()
     robot = load_robot(own_folder)
     motor = robot.motor
     found = robot.lower_rad, robot.upper_rad, robot.armature, motor.friction, motor.damping
@@ -207,9 +199,8 @@ def test_an_action_of_1_stays_within_the_range(
     go1: Robot, own_folder: Path, share: float, refused: bool
 ) -> None:
     widest = (go1.action_scale / (go1.upper_rad - go1.lower_rad)).max()
-    declaration = own_folder / "robot.yaml"
     expected = share * go1.description.gains.torque_share / widest
-    declaration.write_text(declaration.read_text().replace("torque_share: 0.3", f"torque_share: {expected}"))
+    edit(own_folder, "robot.yaml", "torque_share: 0.3", f"torque_share: {expected}")
     if refused:
         with pytest.raises(UserError, match="torque_share"):
             load_robot(own_folder)

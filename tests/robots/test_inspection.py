@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from edited import edit
 from made_up import PITCH, SOLE, Hinge, Leg, write_robot
 
 from footfall.robots.description import Robot, load_robot
@@ -75,8 +76,7 @@ def test_the_reach_is_of_the_soles_middle_over_the_joints_whole_range(looked: In
 
 def test_the_tree_has_the_robots_bodies_only(copy: Path) -> None:
     crate = '<body name="crate" pos="3 0 1"><freejoint/><geom size="0.1"/></body></worldbody>'
-    xml = copy / "robot.xml"
-    xml.write_text(xml.read_text().replace("</worldbody>", crate))
+    edit(copy, "robot.xml", "</worldbody>", crate)
     rows = inspect_robot(load_robot(copy)).links
     assert [row.depth for row in rows] == [0, 1, 2, 3, 1, 2, 3]
     assert [row.joints for row in rows] == [(), ("l0",), ("l1",), (), ("r0",), ("r1",), ()]

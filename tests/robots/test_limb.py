@@ -5,6 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from edited import edit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -88,9 +89,8 @@ class TestSoles:
 
     def test_the_geoms_of_a_foot_belong_to_one_body(self, tmp_path: Path) -> None:
         write_robot(tmp_path, [quadruped_leg("a", 0.2, 0.1), quadruped_leg("b", -0.2, -0.1)])
-        declaration, xml = tmp_path / "robot.yaml", tmp_path / "robot.xml"
-        declaration.write_text(declaration.read_text().replace("- a_foot0", "- a_foot0\n  - shin", 1))
-        xml.write_text(xml.read_text().replace('<geom type="capsule"', '<geom name="shin" type="capsule"', 1))
+        edit(tmp_path, "robot.yaml", "- a_foot0", "- a_foot0\n  - shin")
+        edit(tmp_path, "robot.xml", '<geom type="capsule"', '<geom name="shin" type="capsule"')
         with pytest.raises(UserError, match="foot a"):
             load_robot(tmp_path)
 

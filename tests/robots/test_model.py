@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from edited import edit
 
 from footfall.common.errors import UserError
 from footfall.common.rotations import rotation_matrix
@@ -144,8 +145,7 @@ def test_a_plant_keeps_options_but_step_and_integrator(laden: Robot, own_folder:
     assert options.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     assert options.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
     assert (options.impratio, options.iterations) == (10.0, 70)
-    euler = own_folder / "euler.xml"
-    euler.write_text(laden.xml_path.read_text().replace('"RK4"', '"Euler"'))
+    euler = changed_plant(laden, own_folder / "euler.xml", ('"RK4"', '"Euler"'))
     assert plant_model(laden, euler).opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
 
 
@@ -184,8 +184,7 @@ def test_a_missing_floor_is_added(go1: Robot, tmp_path: Path) -> None:
 
 def test_a_plants_imu_has_the_robots_position_and_rotation(own_folder: Path, tmp_path: Path) -> None:
     """Thrown, tilted and spinning, the IMU measures a + dw/dt x r + w x (w x r)."""
-    xml = own_folder / "robot.xml"
-    xml.write_text(xml.read_text().replace('"-0.01592 -0.06659 -0.00617"', '"0.11 -0.07 0.05" euler="0 0 1"'))
+    edit(own_folder, "robot.xml", '"-0.01592 -0.06659 -0.00617"', '"0.11 -0.07 0.05" euler="0 0 1"')
     robot = load_robot(own_folder)
     moved = changed_plant(robot, tmp_path / "plant.xml", ('pos="0.11 -0.07 0.05"', 'pos="0 0 0"'))
     plant = read_plant(robot, moved)
@@ -208,16 +207,14 @@ def test_a_plants_imu_has_the_robots_position_and_rotation(own_folder: Path, tmp
 
 def test_feet_with_and_without_priority_each_have_their_friction(own_folder: Path) -> None:
     """The friction is the foot's own if it has priority, else the larger of it and the floor's 0.8."""
-    xml = own_folder / "robot.xml"
-    text = xml.read_text()
     for leg, settings in (
         ("FR", 'priority="0" friction="0.3"'),
         ("FL", 'priority="1" friction="0.4"'),
         ("RR", 'priority="0" friction="1.5"'),
         ("RL", 'priority="2" friction="0.1"'),
     ):
-        text = text.replace(f'name="{leg}_foot" class="foot"', f'name="{leg}_foot" class="foot" {settings}')
-    xml.write_text(text)
+        foot = f'name="{leg}_foot" class="foot"'
+        edit(own_folder, "robot.xml", foot, f"{foot} {settings}")
     robot = load_robot(own_folder)
     model = training_model(robot)
     expected = [0.8, 0.4, 1.5, 0.1]

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import yaml
+from edited import content_of
 
 from footfall.common.errors import UserError
 from footfall.deploy.wiring import wiring_of
@@ -88,10 +88,8 @@ class TestDeclaration:
         ],
     )
     def test_half_a_model_is_refused(self, own_folder: Path, given: dict, complaint: str) -> None:
-        path = own_folder / "robot.yaml"
-        content = yaml.safe_load(path.read_text())
-        next(iter(content["motors"].values())).update(given)
-        path.write_text(yaml.safe_dump(content))
+        with content_of(own_folder / "robot.yaml") as content:
+            next(iter(content["motors"].values())).update(given)
         with pytest.raises(UserError, match=complaint):
             load_robot(own_folder)
 

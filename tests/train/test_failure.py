@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
+from refused import refusal_of
 from shell import Shell
 
 from footfall.common.config import dump
@@ -151,10 +152,7 @@ class TestDevice:
 
         monkeypatch.setattr(BraxTrainer, "prepare", failing)
         (sound / "policy.onnx").unlink(missing_ok=True)  # or there would be nothing left to do
-        with pytest.raises(UserError) as error:
-            api.resume(sound)
-        assert "\n" not in str(error.value)
-        return str(error.value)
+        return refusal_of(api.resume, sound)
 
     def test_a_lost_device_is_reported_in_one_line(
         self, sound: Path, monkeypatch: pytest.MonkeyPatch
