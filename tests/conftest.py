@@ -197,6 +197,14 @@ def go1() -> Robot:
     return load_robot("go1")
 
 
+@pytest.fixture(scope="session")
+def bodies(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
+    """Made-up robots of each kind. Tests may read but not change them."""
+    from made_up import bodies
+
+    return bodies(tmp_path_factory.mktemp("bodies"))
+
+
 @pytest.fixture
 def own_folder(tmp_path: Path) -> Path:
     """A user's copy of the go1 folder, free to be changed."""

@@ -3,14 +3,13 @@
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from direct_plant import DirectPlant, walk
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_up import bodies
+from made_up import SOLES
 from moments import UP, under_load
 
 from footfall import Robot, load_policy, load_robot
@@ -221,9 +220,9 @@ class TestHeight:
         assert (estimator.odometry().covariance[2, 2] < 1e-4) == level
 
 
-def test_a_sole_that_tips_over_its_toes_carries_the_base_forward(tmp_path: Path) -> None:
+def test_a_sole_that_tips_over_its_toes_carries_the_base_forward(bodies: dict[str, Robot]) -> None:
     """Base and foot rotate together about the toes: joints rest, and the base moves at w x r."""
-    robot = bodies(tmp_path)["six hinges and soles"]
+    robot = bodies[SOLES]
     pitch, rate = 0.15, 0.6
     turn = np.array([np.cos(pitch / 2), 0.0, np.sin(pitch / 2), 0.0])
     up = np.array([-np.sin(pitch), 0.0, np.cos(pitch)])

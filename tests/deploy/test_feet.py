@@ -5,6 +5,7 @@ from itertools import product
 import mujoco
 import numpy as np
 import pytest
+from moments import UP, about
 from scipy.spatial.transform import Rotation
 
 from footfall.deploy.estimation.feet import ContactPoints
@@ -13,12 +14,6 @@ from footfall.robots.feet import foot_spheres
 
 ROBOT = load_robot("go1")
 G1 = load_robot("g1")
-UP = np.array([0.0, 0.0, 1.0])
-
-
-def about(axis: str, angle: float) -> np.ndarray:
-    """Rotation (3, 3) about x or y."""
-    return np.array(Rotation.from_euler(axis, angle).as_matrix())
 
 
 class TestContactPoints:

@@ -2,19 +2,14 @@
 
 import numpy as np
 import pytest
+from moments import UP, about
 from scipy.spatial.transform import Rotation
 
 from footfall.deploy.estimation.config import FilterConfig
 from footfall.deploy.estimation.filter import MotionFilter
 
-UP = np.array([0.0, 0.0, 1.0])
 LEVEL = np.eye(3).tolist()
 NO_OUTLIERS = FilterConfig(outlier_freedom=1e12, push_m_s=1e6)  # a plain Kalman filter
-
-
-def about(axis: str, angle: float) -> np.ndarray:
-    """Rotation (3, 3) about x or y."""
-    return np.array(Rotation.from_euler(axis, angle).as_matrix())
 
 
 def matrix(motion: MotionFilter) -> np.ndarray:

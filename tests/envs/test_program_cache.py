@@ -82,6 +82,15 @@ def cache(tmp_path: Path) -> Iterator[Path]:
     jax.config.update("jax_compilation_cache_dir", before)
 
 
+@pytest.fixture
+def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The only source that programs are made from."""
+    path = tmp_path / "source" / "envs" / "locomotion.py"
+    path.parent.mkdir(parents=True)
+    monkeypatch.setattr(program_cache, "SOURCES", tmp_path / "source")
+    return path
+
+
 def only_file(cache: Path) -> Path:
     (path,) = (cache / "programs").iterdir()
     return path
@@ -122,12 +131,7 @@ def test_other_inputs_make_another_program(cache: Path, make: Maker, monkeypatch
     assert make.made == 4
 
 
-def test_a_changed_source_makes_another_program(
-    cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    source = tmp_path / "source" / "envs" / "locomotion.py"
-    source.parent.mkdir(parents=True)
-    monkeypatch.setattr(program_cache, "SOURCES", tmp_path / "source")
+def test_a_changed_source_makes_another_program(cache: Path, make: Maker, source: Path) -> None:
     for text, made in (("one", 1), ("two", 2), ("one", 2)):
         source.write_text(text)
         kept(make)
@@ -135,14 +139,11 @@ def test_a_changed_source_makes_another_program(
 
 
 def test_no_program_is_kept_if_a_source_changed_after_its_import(
-    cache: Path, make: Maker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cache: Path, make: Maker, source: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """If kept, the old program would be stored under the new source text."""
-    source = tmp_path / "source" / "envs" / "locomotion.py"
-    source.parent.mkdir(parents=True)
     source.write_text("new")
     os.utime(source, (0, 0))  # as an editor or a checkout may do
-    monkeypatch.setattr(program_cache, "SOURCES", tmp_path / "source")
     for imported_at, made, files in ((0, 1, 0), (FAR_FUTURE_NS, 2, 1), (0, 3, 1), (FAR_FUTURE_NS, 3, 1)):
         monkeypatch.setattr(footfall, "IMPORTED_AT_NS", imported_at)
         kept(make)

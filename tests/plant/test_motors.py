@@ -4,6 +4,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from one_motor import THREE_MOTORS as MOTOR
 from some_net import some_net
 
 from footfall.deploy.drivers.driver import Motors
@@ -12,18 +13,9 @@ from footfall.domain_rand.sample import Sample
 from footfall.envs.physics.interface import Drive, joint_effort
 from footfall.plant.motor_ends.motor_end import Report, Request, Requests
 from footfall.plant.motors import SimulatedMotors
-from footfall.robots.actuator import JointCommand, Motor, friction_torque, motor_torque
+from footfall.robots.actuator import JointCommand, friction_torque, motor_torque
 from footfall.robots.actuator_net import ActuatorNet
 
-MOTOR = Motor(
-    peak_torque=np.array([20.0, 30.0, 40.0]),
-    stall_torque=np.array([25.0, 35.0, 45.0]),
-    no_load_speed=np.array([30.0, 20.0, 10.0]),
-    friction=np.array([0.3, 0.5, 1.0]),
-    friction_speed=np.array([0.2, 0.3, 0.6]),
-    damping=np.array([0.01, 0.02, 0.03]),
-    strength=np.array([1.0, 0.9, 0.8]),
-)
 VALUES = np.array([[0.1, 0.2, 0.3], [1.0, 2.0, 3.0], [10.0, 20.0, 30.0], [0.5, 0.6, 0.7], [1.5, 2.5, 3.5]])
 POSITION, VELOCITY = np.array([0.3, -0.2, 0.5]), np.array([0.5, -1.0, 2.0])
 READINGS = np.array([[0.3, -0.2, 0.5], [0.5, -1.0, 2.0], [7.0, 8.0, 9.0]])

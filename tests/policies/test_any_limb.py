@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up import bodies
+from made_up import BIPED, FIVE, SOLES
 from moments import readings
 from scipy.spatial.transform import Rotation
 
@@ -17,12 +17,6 @@ from footfall.policies.policy import Policy, PolicyInput, Sensed
 from footfall.robots.description import Robot, load_robot
 
 GO1 = load_robot("go1")
-FIVE, BIPED, SOLES = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
-
-
-@pytest.fixture(scope="module")
-def robots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
-    return bodies(tmp_path_factory.mktemp("bodies"))
 
 
 def at_rest(robot: Robot, roll: float = 0.0) -> Sensed:
@@ -48,8 +42,8 @@ def tips(robot: Robot, policy: Policy, inputs: PolicyInput) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", [FIVE, BIPED, SOLES])
 class TestAnyRobot:
-    def test_the_estimator_finds_a_standing_robot_at_rest(self, robots: dict[str, Robot], kind: str) -> None:
-        robot = robots[kind]
+    def test_the_estimator_finds_a_standing_robot_at_rest(self, bodies: dict[str, Robot], kind: str) -> None:
+        robot = bodies[kind]
         estimator = BaseEstimator(robot)
         estimator.reset(at_rest(robot))
         for _ in range(50):
@@ -61,10 +55,10 @@ class TestAnyRobot:
 @pytest.mark.parametrize("kind", [BIPED, SOLES])
 class TestTwoLegs:
     def test_a_walk_carries_standing_feet_back_and_lifts_others(
-        self, robots: dict[str, Robot], kind: str
+        self, bodies: dict[str, Robot], kind: str
     ) -> None:
         """The lowest point of a sphere moves with the ground, its centre slower because it rolls."""
-        robot = robots[kind]
+        robot = bodies[kind]
         config = controller_settings(GO1, "trot", WalkConfig)
         height = -float(robot.legs.default_foot[:, 2].mean()) + 0.01
         config = replace(

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from moments import policy_input
+from moments import policy_input, whole_body_arguments
 from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.balance import Balance, BalanceConfig
@@ -40,14 +40,6 @@ def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> PolicyInput:
     """A level robot whose joints differ from their default pose by different angles."""
     joint = G1.default_pose + crouch * np.linspace(0.01, 0.2, N)
     return policy_input(G1, time_s, base_height=0.7, joint=joint, **more)
-
-
-def whole_body_arguments(policy: Balance, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput) -> tuple:
-    """Arguments of whole-body control: dynamics, position, velocity, desired accelerations, largest force."""
-    result: list[tuple] = []
-    monkeypatch.setattr(policy.control, "command", lambda *arguments: result.append(arguments))
-    policy.act(inputs)
-    return result[0]
 
 
 class TestCentre:

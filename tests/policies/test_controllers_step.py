@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from moments import policy_input
+from moments import policy_input, whole_body_arguments
 from scipy.spatial.transform import Rotation
 
 from footfall.policies.controllers.settings import controller_settings
@@ -95,18 +95,10 @@ def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> PolicyInput:
     return policy_input(G1, time_s, command, base_height=0.7, **more)
 
 
-def whole_body_arguments(
-    policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any
-) -> tuple:
-    """Arguments passed to the whole-body controller.
-
-    Dynamics, position, velocity, desired accelerations, largest force.
-    """
-    result: list[tuple] = []
-    monkeypatch.setattr(policy.control, "command", lambda *arguments: result.append(arguments))
+def desired_by(policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any) -> tuple:
+    """Arguments of whole-body control with dynamics by hand."""
     monkeypatch.setattr(controller_module, "observed", lambda body, given: dynamics)
-    policy.act(inputs)
-    return result[0]
+    return whole_body_arguments(policy, monkeypatch, inputs)
 
 
 class TestDesired:
@@ -120,7 +112,7 @@ class TestDesired:
             gyro=(0.1, 0.2, -0.3),
             turn=Rotation.from_euler("ZYX", [HEADING, -0.03, 0.02]),
         )
-        _, position, moved, desired, _ = whole_body_arguments(policy, monkeypatch, tilted, moment())
+        _, position, moved, desired, _ = desired_by(policy, monkeypatch, tilted, moment())
         np.testing.assert_allclose(desired.joints, -40.0 * off - 12.0 * velocity)
         np.testing.assert_allclose(desired.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.1)
         np.testing.assert_array_equal(position, G1.default_pose + off)
@@ -133,16 +125,16 @@ class TestDesired:
         policy.footwork.load = np.array([1.0, 0.0])
         lifted = moment((0.0, 0.0, policy.com_height_m))
         lifted.foot[RIGHT, 2] += 0.1
-        *_, desired, _ = whole_body_arguments(policy, monkeypatch, seen(), lifted)
+        *_, desired, _ = desired_by(policy, monkeypatch, seen(), lifted)
         assert desired.centre[2] == pytest.approx(0.0, abs=1e-9)
 
     def test_commands_before_settling_are_ignored(
         self, policy: Step, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        whole_body_arguments(policy, monkeypatch, seen(0.49, (0.3, 0.0, 0.0)), moment())
+        desired_by(policy, monkeypatch, seen(0.49, (0.3, 0.0, 0.0)), moment())
         assert not policy.footwork.command.value.any()
         assert policy.footwork.phase is Phase.STAND
-        whole_body_arguments(policy, monkeypatch, seen(0.5, (0.3, 0.0, 0.0)), moment())
+        desired_by(policy, monkeypatch, seen(0.5, (0.3, 0.0, 0.0)), moment())
         assert policy.footwork.command.value[0] == pytest.approx(0.3 / 500)
         assert policy.footwork.phase is Phase.SHIFT
 

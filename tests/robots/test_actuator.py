@@ -7,11 +7,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from one_motor import ONE_MOTOR
+from one_motor import ONE_MOTOR, THREE_MOTORS
 
 from footfall.robots.actuator import (
     JointCommand,
-    Motor,
     friction_torque,
     joint_damping,
     joint_torque,
@@ -67,23 +66,9 @@ def test_damping_is_the_slope_of_the_torque(
     assert damping[0] == pytest.approx(slower / d, abs=1e-3)
 
 
-# Three motors that differ in everything, in the order of the fields of `Motor`.
-DIFFERENT_MOTORS = Motor(
-    peak_torque=np.array([20.0, 8.0, 35.0]),
-    stall_torque=np.array([30.0, 9.0, 60.0]),
-    no_load_speed=np.array([30.0, 50.0, 12.0]),
-    friction=np.array([0.5, 0.2, 1.5]),
-    friction_speed=np.array([0.2, 0.6, 0.35]),
-    damping=np.array([0.05, 0.01, 0.3]),
-    strength=np.array([0.9, 1.1, 0.7]),
-)
-
-
 def by_hand(command: JointCommand, position: np.ndarray, velocity: np.ndarray, joint: int) -> list[float]:
     """Motor torque, friction and the law's slope in speed of one joint, case by case."""
-    peak, stall, no_load, coulomb, full_at, viscous, strength = (
-        float(x[joint]) for x in DIFFERENT_MOTORS[:7]
-    )
+    peak, stall, no_load, coulomb, full_at, viscous, strength = (float(x[joint]) for x in THREE_MOTORS[:7])
     target, speed_target, kp, kd, extra = (float(x[joint]) for x in command)
     angle, speed = float(position[joint]), float(velocity[joint])
     torque = strength * (kp * (target - angle) + kd * (speed_target - speed) + extra)
@@ -107,9 +92,9 @@ def test_different_motors_follow_the_law_with_their_own_parameters() -> None:
         command = JointCommand(rows[0], 4 * rows[1], 20 + 8 * rows[2], 1 + 0.3 * rows[3], 9 * rows[4])
         position, velocity = rows[5], speed_scale * rows[6]
         in_numpy = [
-            motor_torque(command, position, velocity, DIFFERENT_MOTORS),
-            friction_torque(velocity, DIFFERENT_MOTORS),
-            joint_damping(command, position, velocity, DIFFERENT_MOTORS),
+            motor_torque(command, position, velocity, THREE_MOTORS),
+            friction_torque(velocity, THREE_MOTORS),
+            joint_damping(command, position, velocity, THREE_MOTORS),
         ]
         for k in range(200):
             moment = JointCommand(*(part[k] for part in command))

@@ -1,11 +1,10 @@
 """Geoms of another maker's model that are the feet."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import mujoco
 import numpy as np
-from made_up import bodies
+from made_up import SOLES
 
 from footfall.robots.description import Robot
 from footfall.robots.feet import find_feet
@@ -60,8 +59,8 @@ def test_a_geom_without_collisions_is_no_foot(go1: Robot) -> None:
     assert model.geom_contype[found] or model.geom_conaffinity[found]
 
 
-def test_one_box_may_serve_for_four_corners_and_counts_once(tmp_path: Path) -> None:
-    robot = bodies(tmp_path)["six hinges and soles"]
+def test_one_box_may_serve_for_four_corners_and_counts_once(bodies: dict[str, Robot]) -> None:
+    robot = bodies[SOLES]
     corners = robot.description.feet[0].geoms
     assert len(corners) == 4
     spec = load_spec(robot.xml_path)

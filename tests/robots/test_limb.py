@@ -9,18 +9,17 @@ from edited import edit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from made_up import PITCH, Hinge, Leg, bodies, quadruped_leg, write_robot
+from made_up import BIPED, FIVE, PITCH, SOLES, Hinge, Leg, quadruped_leg, write_robot
 
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot, load_robot
 
-FIVE, BIPED, SOLES = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
 KINDS = (FIVE, BIPED, SOLES, "go1")
 
 
 @pytest.fixture(scope="module")
-def robots(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Robot]:
-    return {**bodies(tmp_path_factory.mktemp("bodies")), "go1": load_robot("go1")}
+def robots(bodies: dict[str, Robot], go1: Robot) -> dict[str, Robot]:
+    return {**bodies, "go1": go1}
 
 
 def near_default(robot: Robot, fraction: np.ndarray, share: float = 0.5) -> np.ndarray:

@@ -176,6 +176,9 @@ def six_hinge_leg(name: str, y: float, foot: Sequence[str] = SOLE) -> Leg:
     )
 
 
+FIVE, BIPED, SOLES = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")
+
+
 def bodies(folder: Path) -> dict[str, Robot]:
     """One robot of each kind."""
     five = [
@@ -186,9 +189,7 @@ def bodies(folder: Path) -> dict[str, Robot]:
         four_hinge_leg("e", -0.02, 0.14),
     ]
     return {
-        "five legs, one of four hinges": write_robot(folder / "five", five),
-        "biped without ankles": write_robot(folder / "biped", [biped_leg("l", 0.08), biped_leg("r", -0.08)]),
-        "six hinges and soles": write_robot(
-            folder / "six", [six_hinge_leg("l", 0.09), six_hinge_leg("r", -0.09, PLATE)]
-        ),
+        FIVE: write_robot(folder / "five", five),
+        BIPED: write_robot(folder / "biped", [biped_leg("l", 0.08), biped_leg("r", -0.08)]),
+        SOLES: write_robot(folder / "six", [six_hinge_leg("l", 0.09), six_hinge_leg("r", -0.09, PLATE)]),
     }

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from footfall.policies.policy import PolicyInput, Sensed
@@ -10,6 +11,11 @@ from footfall.robots.description import Robot
 
 UP = np.array([0.0, 0.0, 1.0])
 LEVEL = Rotation.identity()
+
+
+def about(axis: str, angle: float) -> np.ndarray:
+    """Rotation (3, 3) about one of the axes x, y and z."""
+    return np.array(Rotation.from_euler(axis, angle).as_matrix())
 
 
 def readings(
@@ -38,6 +44,14 @@ def under_load(robot: Robot, force: np.ndarray, acceleration: np.ndarray = 9.81 
     torque = legs.holding_torque(pose, acceleration) + legs.torque(legs.pose(pose).jacobian, force)
     sensed = readings(robot, torque=legs.scatter(torque, np.zeros_like(pose)))
     return sensed._replace(acceleration=acceleration)
+
+
+def whole_body_arguments(policy: Any, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput) -> tuple:
+    """Arguments of whole-body control: dynamics, position, velocity, desired accelerations, largest force."""
+    result: list[tuple] = []
+    monkeypatch.setattr(policy.control, "command", lambda *arguments: result.append(arguments))
+    policy.act(inputs)
+    return result[0]
 
 
 def policy_input(

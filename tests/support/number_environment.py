@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from brax.training.types import Transition
 
+from footfall.train.brax.networks import make_networks
 from footfall.train.brax.rollout import roll_out
 from footfall.train.brax.state import TrainState, initial_state
 from footfall.train.config import PpoConfig, load_preset
@@ -104,11 +105,11 @@ def rolled_out(env: Any, networks: Any, config: PpoConfig, state: TrainState) ->
     return roll_out(env, networks, config, state, keys)[1][0]
 
 
-def counting_config() -> PpoConfig:
-    """PPO's settings for a `CountingEnvironment`, with a number of its own for each setting."""
-    return replace(
-        load_preset("smoke").ppo, num_envs=CountingEnvironment.count, num_steps_per_env=3, num_mini_batches=3,
-        num_learning_epochs=4, actor_hidden_dims=(6, 5), critic_hidden_dims=(7, 4), init_noise_std=0.37,
-        gamma=0.91, lam=0.82, clip_param=0.13, entropy_coef=0.017,
-        learning_rate=2e-3, final_learning_rate=2e-3,
-    )  # fmt: skip
+# Settings for a `CountingEnvironment`, with a number of its own for each.
+COUNTING: PpoConfig = replace(
+    load_preset("smoke").ppo, num_envs=CountingEnvironment.count, num_steps_per_env=3, num_mini_batches=3,
+    num_learning_epochs=4, actor_hidden_dims=(6, 5), critic_hidden_dims=(7, 4), init_noise_std=0.37,
+    gamma=0.91, lam=0.82, clip_param=0.13, entropy_coef=0.017,
+    learning_rate=2e-3, final_learning_rate=2e-3,
+)  # fmt: skip
+COUNTING_NETWORKS = make_networks(SIZES, ACTIONS, COUNTING)

@@ -9,14 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from brax.training.types import Transition
 from jax.sharding import PartitionSpec
-from number_environment import (
-    ACTIONS,
-    SIZES,
-    CountingEnvironment,
-    NumberEnvironment,
-    counting_config,
-    step_batch,
-)
+from number_environment import COUNTING, COUNTING_NETWORKS, CountingEnvironment, NumberEnvironment, step_batch
 
 from footfall.train.brax import ppo as losses
 from footfall.train.brax import rollout as rollouts
@@ -86,8 +79,7 @@ def learnt(state: Any, data: Data, devices: int) -> list[Any]:
 
 def statistics_and_expected() -> tuple[Any, Any]:
     """Mean and deviation of the observations after an iteration of counting episodes on both devices."""
-    config, env = counting_config(), CountingEnvironment()
-    networks = make_networks(SIZES, ACTIONS, config)
+    config, networks, env = COUNTING, COUNTING_NETWORKS, CountingEnvironment()
     state = initial_state(env, networks, config, 3)
     shown = np.asarray(state.env) + np.arange(config.num_steps_per_env)[:, None]
     env.count //= MESH.size

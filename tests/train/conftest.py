@@ -4,6 +4,7 @@ import os
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -53,6 +54,14 @@ def private_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[P
     for name, value in before.items():
         jax.config.update(name, value)
     reset_cache()
+
+
+@pytest.fixture(scope="session")
+def counting() -> Any:
+    """The first state of a training in a `CountingEnvironment`."""
+    from number_environment import COUNTING, COUNTING_NETWORKS, CountingEnvironment, begun
+
+    return begun(CountingEnvironment(), COUNTING_NETWORKS, COUNTING, 3)
 
 
 @pytest.fixture

@@ -5,23 +5,20 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import number_environment
 import numpy as np
 import pytest
 from number_environment import (
-    ACTIONS,
+    COUNTING,
+    COUNTING_NETWORKS,
     REWARD,
-    SIZES,
     CountingEnvironment,
     NumberEnvironment,
-    counting_config,
     decided,
 )
 from ppo_on_numbers import CONFIG, ENVIRONMENTS, NETWORKS, NOT_MOVED, UNROLL, begun, environment
 
 from footfall.train.brax import iteration, ppo, rollout
 from footfall.train.brax.iteration import make_iteration
-from footfall.train.brax.networks import make_networks
 from footfall.train.brax.state import TrainState
 
 pytestmark = pytest.mark.usefixtures("number_steps")
@@ -84,19 +81,11 @@ def plain_loss(params: Any, *_: Any, **__: Any) -> tuple[Any, dict]:
 class TestCounting:
     """Iterations with episodes that count their steps."""
 
-    CONFIG = counting_config()
-    NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
-
-    @pytest.fixture(scope="class")
-    @classmethod
-    def begun(cls) -> TrainState:
-        return number_environment.begun(CountingEnvironment(), cls.NETWORKS, cls.CONFIG, 3)
-
-    def test_a_transition_has_observation_action_and_reward_of_one_step(self, begun: TrainState) -> None:
+    def test_a_transition_has_observation_action_and_reward_of_one_step(self, counting: TrainState) -> None:
         keys, env = jax.random.split(jax.random.PRNGKey(1), 3), CountingEnvironment()
-        rolled = rollout.roll_out(env, self.NETWORKS, self.CONFIG, begun, keys)
+        rolled = rollout.roll_out(env, COUNTING_NETWORKS, COUNTING, counting, keys)
         (state, observation), (transitions, metrics) = rolled
-        start = np.asarray(begun.env)
+        start = np.asarray(counting.env)
         np.testing.assert_allclose(
             transitions.observation["state"][..., 0], start + np.arange(3)[:, None], rtol=1e-6
         )
@@ -110,18 +99,18 @@ class TestCounting:
         np.testing.assert_array_equal(transitions.extras["state_extras"]["truncation"], late)
         np.testing.assert_array_equal(metrics["steps"], np.tile(steps, 6))
 
-    def test_metrics_are_means(self, begun: TrainState, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_metrics_are_means(self, counting: TrainState, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(ppo, "compute_ppo_loss", plain_loss)
         monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", 1000)
         all_of_them = jax.eval_shape(
-            make_iteration(CountingEnvironment(), self.NETWORKS, self.CONFIG), begun
+            make_iteration(CountingEnvironment(), COUNTING_NETWORKS, COUNTING), counting
         )[2]
         assert all_of_them.shape == (18, 3)
         for limit in (4, 8):
             monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", limit)
-            _, metrics, seen = make_iteration(CountingEnvironment(), self.NETWORKS, self.CONFIG)(begun)
+            _, metrics, seen = make_iteration(CountingEnvironment(), COUNTING_NETWORKS, COUNTING)(counting)
             assert seen.shape == (limit, 3)
-            newest = np.asarray(begun.env) + 2.0
+            newest = np.asarray(counting.env) + 2.0
             np.testing.assert_allclose(seen[-6:, 0], newest[:limit], rtol=1e-6)
         # Mean of episodes of two and three steps.
         assert float(metrics["episode/length_s"]) == pytest.approx(2.5 * 0.05)

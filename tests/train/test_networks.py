@@ -11,20 +11,13 @@ import numpy as np
 import pytest
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks
-from number_environment import (
-    ACTIONS,
-    SIZES,
-    CountingEnvironment,
-    NumberEnvironment,
-    counting_config,
-    decided,
-)
+from number_environment import ACTIONS, SIZES, NumberEnvironment, decided
+from number_environment import COUNTING as CONFIG
+from number_environment import COUNTING_NETWORKS as NETWORKS
 
 from footfall.train.brax.networks import actor_means_function, dense_layers, make_networks, trained_actor
 from footfall.train.brax.state import TrainState
 
-CONFIG = counting_config()
-NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
 environment = partial(NumberEnvironment, CONFIG.num_envs)
 begun = partial(number_environment.begun, networks=NETWORKS, config=CONFIG)
 
@@ -76,17 +69,12 @@ class TestBfloat16:
 
 
 class TestActor:
-    @pytest.fixture(scope="class")
-    @classmethod
-    def begun(cls) -> TrainState:
-        return begun(CountingEnvironment(), seed=3)
-
-    def test_an_exported_actor_is_the_network_that_was_trained(self, begun: TrainState) -> None:
+    def test_an_exported_actor_is_the_network_that_was_trained(self, counting: TrainState) -> None:
         """The normaliser's statistics change the output."""
-        policy = jax.tree.map(lambda x: 1.5 * x, begun.params.policy)
+        policy = jax.tree.map(lambda x: 1.5 * x, counting.params.policy)
         rng = np.random.default_rng(1)
         shown = {name: jnp.asarray(rng.normal(2.0, 3.0, (50, size))) for name, size in SIZES.items()}
-        normalizer = running_statistics.update(begun.normalizer, shown)
+        normalizer = running_statistics.update(counting.normalizer, shown)
         actor = trained_actor(actor_means_function(NETWORKS), normalizer, policy)
         assert [kernel.shape for kernel, _ in actor.layers] == [(3, 6), (6, 5), (5, 2)]
         observed = rng.normal(size=(5, 3)).astype(np.float32)

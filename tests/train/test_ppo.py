@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import number_environment
 import numpy as np
 import pytest
-from number_environment import ACTIONS, REWARD, SIZES, CountingEnvironment, counting_config
+from number_environment import COUNTING, COUNTING_NETWORKS, REWARD, CountingEnvironment
 from ppo_on_numbers import (
     CONFIG,
     ENVIRONMENTS,
@@ -22,7 +22,6 @@ from ppo_on_numbers import (
 )
 
 from footfall.train.brax import ppo, rollout
-from footfall.train.brax.networks import make_networks
 from footfall.train.brax.state import TrainState
 
 pytestmark = pytest.mark.usefixtures("number_steps")
@@ -101,17 +100,9 @@ class TestEpochs:
     The loss shows its arguments and is equally steep everywhere.
     """
 
-    CONFIG = counting_config()
-    NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
-
     @pytest.fixture(scope="class")
     @classmethod
-    def begun(cls) -> TrainState:
-        return number_environment.begun(CountingEnvironment(), cls.NETWORKS, cls.CONFIG, 3)
-
-    @pytest.fixture(scope="class")
-    @classmethod
-    def learnt(cls, begun: TrainState) -> tuple[dict[str, Any], Any]:
+    def learnt(cls, counting: TrainState) -> tuple[dict[str, Any], Any]:
         given: dict[str, Any] = {}
 
         def loss(
@@ -123,18 +114,18 @@ class TestEpochs:
             total = 1e-4 * sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params))
             return total, {"kl_mean": jnp.float32(0.0), **shown}
 
-        keys = jax.random.split(jax.random.PRNGKey(1), cls.CONFIG.num_steps_per_env)
+        keys = jax.random.split(jax.random.PRNGKey(1), COUNTING.num_steps_per_env)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(rollout, "step_batch", number_environment.step_batch)
             patch.setattr(ppo, "compute_ppo_loss", loss)
             env: Any = CountingEnvironment()
-            (_, seen), (transitions, _) = rollout.roll_out(env, cls.NETWORKS, cls.CONFIG, begun, keys)
-            learner = ppo.Ppo(cls.NETWORKS, cls.CONFIG)
-            return given, learner.update(begun, transitions, seen, jax.random.PRNGKey(2))
+            (_, seen), (transitions, _) = rollout.roll_out(env, COUNTING_NETWORKS, COUNTING, counting, keys)
+            learner = ppo.Ppo(COUNTING_NETWORKS, COUNTING)
+            return given, learner.update(counting, transitions, seen, jax.random.PRNGKey(2))
 
     def test_the_settings_reach_the_loss(self, learnt: tuple[dict[str, Any], Any]) -> None:
         given, _ = learnt
-        assert given["ppo_network"] is self.NETWORKS
+        assert given["ppo_network"] is COUNTING_NETWORKS
         assert {name: value for name, value in given.items() if name != "ppo_network"} == {
             "entropy_cost": 0.017,
             "discounting": 0.91,
@@ -143,7 +134,7 @@ class TestEpochs:
         }
 
     def test_each_epoch_learns_once_from_each_environment_in_an_order_of_its_own(
-        self, begun: TrainState, learnt: tuple[dict[str, Any], Any]
+        self, counting: TrainState, learnt: tuple[dict[str, Any], Any]
     ) -> None:
         _, (_, _, losses) = learnt
         seen = np.asarray(losses["reward"])
@@ -153,15 +144,15 @@ class TestEpochs:
         assert [sorted(each) for each in order.tolist()] == [list(range(6))] * 4
         assert len({tuple(each) for each in order.tolist()}) > 1
         following = np.asarray(losses["following"]).reshape(4, -1)
-        np.testing.assert_allclose(following, (np.asarray(begun.env) + 3)[order.astype(int)], rtol=1e-6)
+        np.testing.assert_allclose(following, (np.asarray(counting.env) + 3)[order.astype(int)], rtol=1e-6)
         assert len(np.unique(np.asarray(losses["key"]).reshape(12, -1), axis=0)) == 12
 
     def test_each_step_changes_parameters_by_the_learning_rate(
-        self, begun: TrainState, learnt: tuple[dict[str, Any], Any]
+        self, counting: TrainState, learnt: tuple[dict[str, Any], Any]
     ) -> None:
         """Adam's steps along a gradient that stays as it is are as long as its rate; there are twelve of
         them."""
         _, (params, _, losses) = learnt
-        for before, after in zip(*map(jax.tree.leaves, (begun.params, params)), strict=True):
+        for before, after in zip(*map(jax.tree.leaves, (counting.params, params)), strict=True):
             np.testing.assert_allclose(after - before, np.full(before.shape, -12 * 2e-3), rtol=2e-3)
         np.testing.assert_allclose(losses["learning_rate"], np.full((4, 3), 2e-3))
