@@ -1,7 +1,6 @@
 """The table of faults."""
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import fault_rows
@@ -9,6 +8,7 @@ import fault_runs
 import fault_subjects
 import healthy_runs
 import pytest
+from changed_robots import described
 from fault_kinds import KINDS
 from fault_kinds.kind import IMPLAUSIBLE_S
 from fault_subjects import FaultTask, HealthyTask, Subject
@@ -80,8 +80,7 @@ class TestARun:
 
     def test_runs_use_the_robots_own_limits(self, go1: Robot) -> None:
         safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
-        own = replace(go1, description=replace(go1.description, safety=safety))
-        config = fault_runs.config_of(own)
+        config = fault_runs.config_of(described(go1, safety=safety))
         assert (config.safety.tilt_limit_rad, config.safety.sensors.drift_rad) == (0.7, 0.01)
         assert (config.stand_s, config.safety.damping_s) == (fault_runs.STAND_S, fault_runs.DAMPING_S)
 
@@ -105,8 +104,7 @@ class TestAHealthyRun:
 
     def run(self, monkeypatch: pytest.MonkeyPatch, go1: Robot, push_m_s: float, **safety: Any) -> Any:
         """A run that walks for a second, with a push after 0.3 s."""
-        limited = replace(go1, description=replace(go1.description, safety=safety))
-        monkeypatch.setattr(healthy_runs, "robot_of", lambda _: limited)
+        monkeypatch.setattr(healthy_runs, "robot_of", lambda _: described(go1, safety=safety))
         monkeypatch.setattr(healthy_runs, "EPISODE_S", 1.0)
         monkeypatch.setattr(healthy_runs, "_drawn_push", lambda *_: Push(0.3, (0.0, push_m_s / 2, 0.0)))
         return healthy_runs.run_healthy(self.TASK)

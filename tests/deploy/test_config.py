@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
+from changed_robots import described
 from refused import refusal_of
 
 from footfall import Robot, UserError
@@ -138,13 +139,11 @@ def test_only_simulated_motors_can_have_a_longer_timeout(go1: Robot, tmp_path: P
 class TestLimitsOfARobot:
     """`safety` in robot.yaml."""
 
-    def with_limits(self, robot: Robot, **limits: object) -> Robot:
-        return replace(robot, description=replace(robot.description, safety=limits))
-
     def test_a_robots_limits_replace_the_defaults_and_a_file_changes_single_limits(
         self, go1: Robot, tmp_path: Path
     ) -> None:
-        path, robot = tmp_path / "loop.yaml", self.with_limits(go1, tilt_limit_rad=0.7, sensors={"sunk": 0.5})
+        path = tmp_path / "loop.yaml"
+        robot = described(go1, safety={"tilt_limit_rad": 0.7, "sensors": {"sunk": 0.5}})
         path.write_text("{stand_s: 0.5, safety: {tilt_limit_rad: 0.9}}")
         for file, tilt_rad, stand_s in ((None, 0.7, DeployConfig().stand_s), (path, 0.9, 0.5)):
             config = deploy_config(robot, file)
@@ -152,14 +151,13 @@ class TestLimitsOfARobot:
             assert config.safety.silence_timeout_s == DeployConfig().safety.silence_timeout_s
             assert config.stand_s == stand_s
         with pytest.raises(UserError, match=r"go1/robot.yaml: safety: .*\btilt\b"):
-            deploy_config(self.with_limits(go1, tilt=0.7))
+            deploy_config(described(go1, safety={"tilt": 0.7}))
 
     def test_a_robots_limits_must_fit_the_motors_timeout(self, go1: Robot) -> None:
         """go1 allows a policy to be 0.07 s late: motors with a timeout of 0.06 s are disabled by then."""
         knee = replace(go1.description.motors["knee"], timeout_s=0.06)
-        motors = {**go1.description.motors, "knee": knee}
-        robot = replace(go1, description=replace(go1.description, motors=motors))
+        robot = described(go1, motors={**go1.description.motors, "knee": knee})
         with pytest.raises(UserError, match=r"0\.06 s"):
             deploy_config(robot)
-        sooner = self.with_limits(robot, pause_limit_s=0.05, late_limit_s=0.05)  # 57 ms with a tick
+        sooner = described(robot, safety={"pause_limit_s": 0.05, "late_limit_s": 0.05})  # 57 ms with a tick
         assert deploy_config(sooner).motor_timeout_s == 0.06

@@ -1,10 +1,10 @@
 """Limits of the drives themselves: set from robot.yaml, read back, or refused by name."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from changed_robots import with_each_motor
 from some_motors import MAKERS, introduce, with_motors
 
 from footfall import Robot, UserError
@@ -18,9 +18,7 @@ LIMITS = {"RobStride": "torque", "moteus": "torque", "ODrive": "current"}
 def limited(robot: Robot, maker: str, limit: Any) -> Robot:
     """The robot with motors of a maker whose drives have a limit."""
     made = with_motors(robot, **MAKERS[maker])
-    more = {"drive_limit": limit, "current_endpoint": 301}
-    motors = {name: replace(motor, **more) for name, motor in made.description.motors.items()}
-    return replace(made, description=replace(made.description, motors=motors))
+    return with_each_motor(made, drive_limit=limit, current_endpoint=301)
 
 
 def set_in(end: Any, maker: str) -> np.ndarray:

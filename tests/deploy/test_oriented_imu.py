@@ -1,9 +1,8 @@
 """A robot whose IMU gives no orientation stands, walks and is pushed, with the filter's attitude."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from changed_robots import described
 from deploy_policies import Hold, short_episode
 
 from footfall import Episode, Push, Robot, load_policy, run_episode
@@ -15,7 +14,7 @@ from footfall.plant.robot import SimulatedRobot
 
 def without_orientation(robot: Robot) -> Robot:
     """The same robot with an IMU that has gyro and accelerometer alone."""
-    return replace(robot, description=replace(robot.description, imu_protocol="footfall-inertial"))
+    return described(robot, imu_protocol="footfall-inertial")
 
 
 def test_the_tilt_is_right_within_a_degree(go1: Robot) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import own_drivers
 import pytest
+from changed_robots import described
 from deploy_policies import Hold, stand_still
 from own_drivers import OwnDriver, OwnImu
 from refused import refusal_of
@@ -25,9 +26,9 @@ MOTOR, IMU = "own_drivers:OwnDriver", "own_drivers:OwnImu"
 
 
 def with_own(robot: Robot, imu: str = IMU, **protocols: str) -> Robot:
-    description = robot.description
-    motors = {n: replace(m, protocol=protocols.get(n, m.protocol)) for n, m in description.motors.items()}
-    return replace(robot, description=replace(description, motors=motors, imu_protocol=imu))
+    motors = robot.description.motors.items()
+    own = {name: replace(motor, protocol=protocols.get(name, motor.protocol)) for name, motor in motors}
+    return described(robot, motors=own, imu_protocol=imu)
 
 
 @pytest.mark.parametrize("protocols", [{"hip": MOTOR, "knee": MOTOR}, {"knee": MOTOR}], ids=["all", "mixed"])

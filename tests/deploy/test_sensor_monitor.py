@@ -1,11 +1,11 @@
 """All sensor checks together: limit of each row, times of comparison, adding a check."""
 
 import math
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 import pytest
+from changed_robots import with_each_motor
 from sensor_readings import SAMPLE_US, STILL
 
 from footfall.deploy.drivers.imu import Inertial
@@ -62,12 +62,6 @@ def found(robot: Robot, row: str = "", value: float = 0.0, limits: SensorLimits 
     return "" if implausible is None else implausible.fault
 
 
-def with_motors(robot: Robot, **changes: object) -> Robot:
-    description = robot.description
-    motors = {name: replace(motor, **changes) for name, motor in description.motors.items()}  # type: ignore[arg-type]
-    return replace(robot, description=replace(description, motors=motors))
-
-
 class TestFigures:
     @pytest.mark.parametrize(
         ("row", "allowed", "beyond", "message"),
@@ -88,13 +82,13 @@ class TestFigures:
 
     @pytest.mark.parametrize(("voltage", "off"), [(9.5, "0.5 V"), (10.0, ""), (14.8, ""), (16.8, "2.0 V")])
     def test_a_supply_has_to_be_in_the_motors_range(self, go1: Robot, voltage: float, off: str) -> None:
-        fault = found(with_motors(go1, voltage_v=(10.0, 14.8)), "voltage", voltage)
+        fault = found(with_each_motor(go1, voltage_v=(10.0, 14.8)), "voltage", voltage)
         assert off in fault
         assert bool(off) == bool(fault)
         assert found(go1, "voltage", voltage) == ""  # without a range
 
     def test_nan_is_a_fault_if_the_motor_reports_the_quantity(self, go1: Robot) -> None:
-        assert found(with_motors(go1, voltage_v=(10.0, 14.8))) == ""  # without voltage and temperature
+        assert found(with_each_motor(go1, voltage_v=(10.0, 14.8))) == ""  # without voltage and temperature
         assert found(go1, "torque", math.nan).startswith("FR_calf_joint")
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
+from changed_robots import described
 from deploy_policies import Hold, stand_still
 from relaxed_limits import RELAXED
 
@@ -29,10 +30,6 @@ FRAME = StopFrame("can1", 0x7F0, heartbeat_s=0.2)
 def frame(identifier: int, data: bytes, channel: int = 1) -> Frames:
     content = np.frombuffer(data.ljust(8, b"\0"), np.uint8).reshape(1, 8)
     return Frames(np.array([channel]), np.array([identifier]), content, np.array([len(data)]))
-
-
-def with_inputs(robot: Robot, frame: StopFrame) -> Robot:
-    return replace(robot, description=replace(robot.description, stop_inputs=StopInputs(frame)))
 
 
 class ScriptedBus:
@@ -88,7 +85,7 @@ def test_a_missing_or_silent_heartbeat_stops(inner: ScriptedBus) -> None:
 
 def test_bad_stop_inputs_are_refused(go1: Robot, own_folder: Path) -> None:
     for bus, identifier in (("can1", 2), ("can0", 0x300)):  # of a motor and of the IMU
-        robot = with_inputs(go1, StopFrame(bus, identifier))
+        robot = described(go1, stop_inputs=StopInputs(StopFrame(bus, identifier)))
         with pytest.raises(UserError), stop_inputs(robot, wiring_of(robot), None):  # type: ignore[arg-type]
             pass
     StopFrame("can1", 0x7FF)
@@ -163,7 +160,7 @@ class Presses(Hold):
 
 def test_a_button_on_the_bus_lays_a_walking_robot_down(go1: Robot) -> None:
     """The buses are virtual, with a simulated robot at their other end."""
-    robot = with_inputs(go1, StopFrame("can1", 0x7F0))
+    robot = described(go1, stop_inputs=StopInputs(StopFrame("can1", 0x7F0)))
     config = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.2, pose_rate_rad_s=4.0)
     plant = PlantConfig(motor_timeout_s=RELAXED.motor_timeout_s)
     with can.Bus(interface="virtual", channel="can1") as button, serving(robot, "virtual", plant):

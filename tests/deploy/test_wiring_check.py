@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from changed_robots import described
 from deploy_policies import Hold
 from fault_kinds.wiring import geared, imu_turned
 from injected import Injected
@@ -153,7 +154,7 @@ class TestProof:
         assert is_proven(go1, "socketcan")
         assert not is_proven(go1, "slcan")
         first, *rest = go1.description.joints
-        moved = replace(go1, description=replace(go1.description, joints=(replace(first, id=9), *rest)))
+        moved = described(go1, joints=(replace(first, id=9), *rest))
         assert not is_proven(moved, "socketcan")
         assert not is_proven(replace(go1, digest="another"), "socketcan")
 
@@ -171,7 +172,7 @@ class TestProof:
         assert unproven_note(go1, "socketcan") == ""
 
     def test_a_robot_that_cannot_stand_still_needs_wiring_trust(self, go1: Robot) -> None:
-        held = replace(go1, description=replace(go1.description, held_start=True))
+        held = described(go1, held_start=True)
         with pytest.raises(UserError, match="--wiring trust"):
             must_check(held, "socketcan", "auto")
         assert not must_check(held, "socketcan", "trust")

@@ -21,8 +21,8 @@ RANGES = CommandRange((-1.0, 1.0), (-0.5, 0.5), (-1.0, 1.0))
     "make",
     [
         lambda: GaitConfig("trot", 0.0), lambda: GaitConfig("trot", 2.0, -0.01),
-        lambda: CommandConfig(RANGES, Distribution(0.0, 1.0)), lambda: CommandConfig(RANGES,
-        standing_command=-0.1),
+        lambda: CommandConfig(RANGES, Distribution(0.0, 1.0)),
+        lambda: CommandConfig(RANGES, standing_command=-0.1),
         lambda: CommandConfig(RANGES, standing_probability=1.1),
         lambda: CommandConfig(RANGES, standing_probability=-0.1),
         lambda: CommandConfig(RANGES, single_axis_probability=1.1),
@@ -35,8 +35,7 @@ RANGES = CommandRange((-1.0, 1.0), (-0.5, 0.5), (-1.0, 1.0))
             lambda change=change: replace(CONFIG, **change)
             for change in (
                 {"control_rate_hz": 0.9}, {"control_rate_hz": 1000.1}, {"episode_s": 0.0},
-                {"speed_limit": 0.0}, {"curriculum_steps": -1}, {"reward_floor": 0.1},
-                {"substeps": 1},
+                {"speed_limit": 0.0}, {"curriculum_steps": -1}, {"reward_floor": 0.1}, {"substeps": 1},
                 {"episode_s": 0.0249},
             )
         ),

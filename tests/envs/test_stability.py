@@ -5,6 +5,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 import pytest
+from posed import mass_matrix, posed
 from scipy.linalg import eigh
 
 from footfall.domain_rand.bodies import body_map, randomised_fields
@@ -20,22 +21,13 @@ from footfall.train.config import available_presets, load_preset
 Goal = Callable[[float], np.ndarray]
 
 
-def mass_matrix(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
-    """The mass matrix in the default pose, (nv, nv)."""
-    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-    data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose
-    mujoco.mj_fwdPosition(model, data)
-    mujoco.mj_fullM(model, data, full)
-    return full
-
-
 def slowest(model: mujoco.MjModel, robot: Robot, drive: Drive) -> float:
     """Most negative eigenvalue of v' = (I - h (M + inertia)^-1 D) v: one step, in the air, all friction
     ramps and motors within their limits, D being minus the slope of the joint law in velocity."""
     _, dofs = joint_addresses(model, robot)
     timestep_s, still = model.opt.timestep, np.zeros(len(dofs))
     effort = joint_effort(drive, robot.default_pose, robot.default_pose, still, timestep_s)
-    mass, damping = mass_matrix(model, robot), np.zeros(model.nv)
+    mass, damping = mass_matrix(model, posed(model, robot, 0.0)), np.zeros(model.nv)
     mass[dofs, dofs] += effort.inertia
     moved = joint_effort(drive, robot.default_pose, robot.default_pose, still + 1e-6, timestep_s)
     damping[dofs] = (effort.torque - moved.torque) / 1e-6

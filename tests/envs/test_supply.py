@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from changed_robots import described
 from go1_smoke import IN_C, ROBOT
 
 from footfall.common.errors import UserError
@@ -15,7 +16,7 @@ from footfall.envs.locomotion import LocomotionEnv
 from footfall.robots.battery import Battery
 
 PACK = Battery(8, 230.0, 0.05, idle_w=20.0)
-POWERED = replace(ROBOT, description=replace(ROBOT.description, battery=PACK))
+POWERED = described(ROBOT, battery=PACK)
 DRAWN = Randomisation(battery_charge=Distribution(0.2, 0.4))
 CONFIG = replace(IN_C, randomisation=DRAWN)
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from changed_robots import described
 from refused import refusal_of
 
 from footfall.common.errors import UserError
@@ -73,7 +74,7 @@ class TestCommandsOfARobot:
 
     RANGES = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
 
-    OTHER = replace(ROBOT, description=replace(ROBOT.description, commands=RANGES))
+    OTHER = described(ROBOT, commands=RANGES)
 
     def test_a_share_of_one_is_the_highest_command_and_minus_one_the_lowest(self) -> None:
         drawn = load_scenarios(self.OTHER).scenarios["nominal"].commands

@@ -1,9 +1,8 @@
 """A simulated pack: the motors discharge it, and its voltage acts on them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from changed_robots import described
 from plant_bodies import body_of
 
 from footfall import Robot, UserError
@@ -46,7 +45,7 @@ def test_energy_drawn_is_charge_lost_and_the_voltage_falls_with_load_and_charge(
 def test_a_drawn_charge_is_that_of_the_simulated_pack(go1: Robot) -> None:
     """A robot without a pack is refused by name."""
     pack = Battery(8, 230.0, 0.1)
-    robot = replace(go1, description=replace(go1.description, battery=pack))
+    robot = described(go1, battery=pack)
     drawn = {"battery_charge": np.array(0.3)}
     simulated = body_of(robot, sample=drawn)
     assert simulated.battery is not None

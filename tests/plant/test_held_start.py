@@ -1,9 +1,8 @@
 """A robot that cannot stand still is held up, steps in place, is released, and is held again at the end."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from changed_robots import described
 from deploy_policies import FailingPolicy, Hold
 
 from footfall import Episode, JointCommand, Robot, run_episode
@@ -18,7 +17,7 @@ COMMAND = np.array([0.4, 0.0, 0.1])
 @pytest.fixture
 def held(go1: Robot) -> Robot:
     """go1 with `held_start`, as a robot that cannot stand still."""
-    return replace(go1, description=replace(go1.description, held_start=True))
+    return described(go1, held_start=True)
 
 
 def without_gains(command: JointCommand) -> JointCommand:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from changed_robots import described
 from foreign_robots import BIPED_MJCF, make, quadruped
 
 from footfall.deploy.config import DeployConfig
@@ -18,10 +19,8 @@ FOLDS = '<limit lower="-2.7" upper="-0.4" effort="23" velocity="17"/>'  # of a k
 
 
 def lying_in(robot: Robot, pose: list[float | None]) -> Robot:
-    joints = tuple(
-        replace(joint, lying_rad=angle) for joint, angle in zip(robot.description.joints, pose, strict=True)
-    )
-    return replace(robot, description=replace(robot.description, joints=joints))
+    joints = zip(robot.description.joints, pose, strict=True)
+    return described(robot, joints=tuple(replace(joint, lying_rad=angle) for joint, angle in joints))
 
 
 def quickly(robot: Robot) -> np.ndarray | None:

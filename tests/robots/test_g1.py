@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from posed import posed
 
 from footfall.envs.feet import Feet
 from footfall.robots.actuator import JointCommand, joint_torque
@@ -22,17 +23,9 @@ def model(g1: Robot) -> mujoco.MjModel:
     return read_plant(g1).model
 
 
-def standing(g1: Robot, model: mujoco.MjModel) -> mujoco.MjData:
-    data = mujoco.MjData(model)
-    data.qpos[:7] = (0, 0, g1.description.standing_height_m, 1, 0, 0, 0)
-    data.qpos[joint_addresses(model, g1)[0]] = g1.default_pose
-    mujoco.mj_forward(model, data)
-    return data
-
-
 def test_the_g1_stands_on_four_corners_a_sole_under_the_joint_law(g1: Robot, model: mujoco.MjModel) -> None:
     """The gains are those for standing up; the robot stands for three seconds."""
-    data = standing(g1, model)
+    data = posed(model, g1, g1.description.standing_height_m)
     positions, dofs = joint_addresses(model, g1)
     zero = np.zeros(12)
     command = JointCommand(g1.default_pose, zero, np.minimum(4 * g1.kp, 500), np.minimum(2 * g1.kd, 5), zero)

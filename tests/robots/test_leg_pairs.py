@@ -5,9 +5,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from posed import posed
 
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.model import joint_addresses, plant_model, training_model
+from footfall.robots.model import plant_model, training_model
 
 JOINT_RAD = 0.1  # initial distance of episodes from the default pose
 DECLARED = {
@@ -27,18 +28,9 @@ def reduced(robot: Robot) -> mujoco.MjModel:
     return training_model(robot)
 
 
-def in_pose(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> mujoco.MjData:
-    """Data of the robot in the air, with its joints in a pose (n,)."""
-    data = mujoco.MjData(model)
-    data.qpos[2] = 5.0
-    data.qpos[joint_addresses(model, robot)[0]] = pose
-    mujoco.mj_forward(model, data)
-    return data
-
-
 def touching(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[tuple[str, str]]:
     """The geoms that touch in the air."""
-    contacts = in_pose(model, robot, pose).contact
+    contacts = posed(model, robot, 5.0, pose).contact
     touching = contacts.geom[contacts.dist <= 0.0].tolist()
     return [(model.geom(one).name, model.geom(other).name) for one, other in touching]
 
@@ -65,9 +57,8 @@ def test_legs_touch_once_at_shank_and_foot(go1: Robot, legs: tuple[int, int], na
     met = []
     for hip_rad in np.arange(0.3, 0.6, 0.002):
         pose = crossed(go1, hip_rad, legs)
-        apart_m = mujoco.mj_geomDistance(
-            model, in_pose(model, go1, pose), *(model.geom(f"{name}_foot").id for name in names), 1.0, None
-        )
+        feet = (model.geom(f"{name}_foot").id for name in names)
+        apart_m = mujoco.mj_geomDistance(model, posed(model, go1, 5.0, pose), *feet, 1.0, None)
         found = touching(model, go1, pose)
         assert [set(pair) for pair in found] in ([], [expected])
         met.append((apart_m + 2 * 0.023, bool(found)))

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 from edited import edit
+from posed import posed
 
 from footfall.common.errors import UserError
 from footfall.common.rotations import rotation_matrix
@@ -18,11 +19,7 @@ from footfall.robots.model import ground_friction, joint_addresses, plant_model,
 
 def standing(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
     """The default pose, the feet a millimetre in the ground."""
-    data = mujoco.MjData(model)
-    data.qpos[:7] = (0, 0, robot.description.standing_height_m - 0.001, 1, 0, 0, 0)
-    data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose
-    mujoco.mj_forward(model, data)
-    return data
+    return posed(model, robot, robot.description.standing_height_m - 0.001)
 
 
 def constraint_rows(data: mujoco.MjData, kind: mujoco.mjtConstraint) -> int:

@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 from edited import edit
+from posed import posed
 from refused import refusal_of
 
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.mjcf import load_spec
-from footfall.robots.model import joint_addresses
 from footfall.robots.rigid_body import nominal_body
 from footfall.robots.stance import base_corners, in_default_pose, touching_height
 
@@ -40,11 +40,7 @@ def test_feet_of_any_shape_touch_with_their_lowest_point(go1: Robot, own_folder:
     model = load_spec(own_folder / "robot.xml").compile()
     height = touching_height(go1.description, model)
     for lifted, touches in ((-1e-4, True), (1e-4, False)):
-        data = mujoco.MjData(model)
-        data.qpos[:7] = (0, 0, height + lifted, 1, 0, 0, 0)
-        data.qpos[joint_addresses(model, go1)[0]] = go1.default_pose
-        mujoco.mj_forward(model, data)
-        assert (data.ncon > 0) is touches
+        assert (posed(model, go1, height + lifted).ncon > 0) is touches
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """The URDF of each robot, read by MuJoCo, moves and weighs as the MJCF does."""
 
 import shutil
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from edited import edit
+from posed import mass_matrix
 
 from footfall.robots.description import Robot, available_robots, load_robot
 from footfall.robots.urdf import urdf
@@ -59,7 +59,7 @@ def poses(model: mujoco.MjModel) -> list[dict[str, float]]:
     return [{n: generator.uniform(*r) for n, r in zip(names, ranges, strict=True)} for _ in range(POSES)]
 
 
-def posed(model: mujoco.MjModel, pose: dict[str, float]) -> mujoco.MjData:
+def with_angles(model: mujoco.MjModel, pose: dict[str, float]) -> mujoco.MjData:
     data = mujoco.MjData(model)
     data.qpos[:7] = (0.3, -0.2, 0.4, 0.7, 0.1, -0.5, 0.5)
     for name, angle in pose.items():
@@ -68,18 +68,10 @@ def posed(model: mujoco.MjModel, pose: dict[str, float]) -> mujoco.MjData:
     return data
 
 
-def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData, joints: Iterable[str]) -> np.ndarray:
-    """The mass matrix, base first, then the joints in this order."""
-    matrix = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, matrix)
-    order = [*range(6), *(int(model.joint(name).dofadr[0]) for name in joints)]
-    return matrix[np.ix_(order, order)]
-
-
 def test_links_have_the_motion_and_masses_of_the_bodies(robot: Robot) -> None:
     made, own = as_read(urdf(robot)), without_armature(robot)
     for pose in poses(own):
-        in_mjcf, in_urdf = posed(own, pose), posed(made, pose)
+        in_mjcf, in_urdf = with_angles(own, pose), with_angles(made, pose)
         for body in map(own.body, range(1, own.nbody)):
             link = in_urdf.body(body.name)
             np.testing.assert_allclose(link.xmat, in_mjcf.body(body.id).xmat, atol=1e-7)
@@ -98,7 +90,8 @@ def test_solid_shapes_reach_as_low_as_those_of_the_mjcf(robot: Robot) -> None:
     """A level floor touches them at the same height."""
     pose = dict(zip(robot.joint_names, robot.default_pose.tolist(), strict=True))
     lowest = [
-        lowest_solid(model, posed(model, pose)) for model in (as_read(urdf(robot)), without_armature(robot))
+        lowest_solid(model, with_angles(model, pose))
+        for model in (as_read(urdf(robot)), without_armature(robot))
     ]
     assert lowest[0] == pytest.approx(lowest[1], abs=1e-6)
 

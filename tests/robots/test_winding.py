@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from changed_robots import with_each_motor
 from edited import content_of
 
 from footfall.common.errors import UserError
@@ -31,11 +32,7 @@ N = 12
 def warm(robot: Robot, **changes: object) -> Robot:
     """The robot with windings of 2 K/W and 5 J/K, whose current limit falls from 80 to 120 degrees."""
     thermal = {"thermal_resistance_k_w": 2.0, "thermal_capacity_j_k": 5.0, "derating_c": (80.0, 120.0)}
-    motors = {
-        name: replace(motor, **(thermal | changes))  # type: ignore[arg-type]
-        for name, motor in robot.description.motors.items()
-    }
-    return replace(robot, description=replace(robot.description, motors=motors))
+    return with_each_motor(robot, **(thermal | changes))
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from foreign_robots import BIPED_MJCF, HIPS, make, quadruped
+from posed import mass_matrix
 
 from footfall.cli import main
 from footfall.common.errors import UserError
@@ -55,8 +56,8 @@ class TestKeptFromTheSource:
         original = read_source(tmp_path / "model.urdf").model
         converted = mujoco.MjModel.from_xml_path(str(robot.xml_path))
         pose = dict(zip(robot.joint_names, np.random.default_rng(3).uniform(-1, 1, 12), strict=True))
-        expected = mass_matrix(original, {**pose, "arm": 0.4}, robot.joint_names)
-        assert mass_matrix(converted, pose, robot.joint_names) == pytest.approx(expected, abs=1e-5)
+        expected = rigid_mass(original, {**pose, "arm": 0.4}, robot.joint_names)
+        assert rigid_mass(converted, pose, robot.joint_names) == pytest.approx(expected, abs=1e-5)
 
     def test_a_given_reflected_inertia_is_used(self, two: tuple[Robot, Imported]) -> None:
         robot, made = two
@@ -220,17 +221,14 @@ class TestRefusals:
         assert all(f"{leg}_knee" in guess for leg in HIPS)
 
 
-def mass_matrix(model: mujoco.MjModel, pose: dict[str, float], joints: tuple[str, ...]) -> np.ndarray:
-    """The mass matrix of the base and of the joints, in the order given."""
+def rigid_mass(model: mujoco.MjModel, pose: dict[str, float], joints: tuple[str, ...]) -> np.ndarray:
+    """The mass matrix of the base and of the joints, in the order given, without reflected inertia."""
     model.dof_armature[:] = 0.0
     data = mujoco.MjData(model)
     for name, angle in pose.items():
         data.joint(name).qpos = angle
     mujoco.mj_forward(model, data)
-    full = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, full)
-    dofs = [*range(6), *(int(model.joint(name).dofadr[0]) for name in joints)]
-    return full[np.ix_(dofs, dofs)]
+    return mass_matrix(model, data, joints)
 
 
 def test_controllers_depend_on_the_number_of_legs(

@@ -1,0 +1,17 @@
+"""Robots whose description differs from that of their file."""
+
+from dataclasses import replace
+from typing import Any
+
+from footfall.robots.description import Robot
+
+
+def described(robot: Robot, **fields: Any) -> Robot:
+    """The robot with other fields of its description."""
+    return replace(robot, description=replace(robot.description, **fields))
+
+
+def with_each_motor(robot: Robot, **fields: Any) -> Robot:
+    """The robot with other fields of each kind of motor."""
+    motors = robot.description.motors.items()
+    return described(robot, motors={name: replace(motor, **fields) for name, motor in motors})
