@@ -3,9 +3,9 @@
     python benchmarks/reward_elsewhere.py wide wide-1 identified --robot robots_of_study/identified
 
 All policies get the same robots, commands and pushes; each keeps its own gains. If a policy earns more in
-another robot's training than the policy trained there, the training is the reason, not the
-robot. Rewards are per second of the preset's curriculum at its end; the deviation is that of the mean
-difference from the first policy, over episodes.
+another robot's training than the policy trained there, the training is the reason, not the robot. Rewards are
+per second, at the final level of the preset's curriculum. `difference` is the mean difference from the first
+policy over episodes, `deviation` its standard deviation.
 """
 
 import argparse
@@ -58,7 +58,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("policies", type=Path, nargs="+", help="run folders")
-    parser.add_argument("--robot", required=True, help="robot whose training it is, a name or a folder")
+    parser.add_argument(
+        "--robot", required=True, help="name or folder of the robot in whose training the policies run"
+    )
     parser.add_argument("--preset", default="gpu")
     parser.add_argument("--episodes", type=int, default=16)
     parser.add_argument("--steps", type=int, default=400, help="control steps, 50 per s")

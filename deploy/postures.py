@@ -43,7 +43,7 @@ class Postures:
         self._standing, self._lying = robot.default_pose, robot.lying_pose
         self.may_lie = lie_down and self._lying is not None
         self._clearance = Clearance(robot)
-        self._levelling, self._levels = Levelling(robot, config.levelling), False
+        self._levelling, self._levelling_active = Levelling(robot, config.levelling), False
         limit = robot.description.target_rate_rad_s
         self._rate = min(config.pose_rate_rad_s, limit)
         # Share of the path from standing (0) to lying (1) that comes first, and its rate in rad/s. After
@@ -68,7 +68,7 @@ class Postures:
             joint_position: joint positions, rad, (n,).
             quaternion: orientation of the base, w x y z.
         """
-        self._gains, self._levels = self._stiff, self._stands
+        self._gains, self._levelling_active = self._stiff, self._stands
         if not self._stands:
             self._path = PosePath(
                 [joint_position, joint_position], [self._rate], MOVING_SHARE * self._config.stand_s
@@ -92,7 +92,7 @@ class Postures:
         """
         if self._lying is None:
             return
-        self._gains, self._levels = self._stiff, False
+        self._gains, self._levelling_active = self._stiff, False
         poses, rates = [target, self._lying], [self._rate]
         if before in self._first:
             share, rate = self._first[before]
@@ -109,7 +109,7 @@ class Postures:
         Args:
             joint_position: joint positions, rad, (n,).
         """
-        self._gains, self._levels = self._soft, False
+        self._gains, self._levelling_active = self._soft, False
         min_s = MOVING_SHARE * self._config.safety.recovery.unfold_s
         self._path = PosePath([joint_position, self._standing], [self._fastest], min_s)
 
@@ -120,7 +120,7 @@ class Postures:
     def command(self, time_s: float, sensed: Sensed | None = None) -> JointCommand:
         """Joint command at this time; with readings, a biped that stands up is levelled."""
         command = JointCommand(self._path.at(time_s), self._zeros, *self._gains, self._zeros)
-        if sensed is None or not self._levels:
+        if sensed is None or not self._levelling_active:
             return command
         return self._levelling.applied(command, time_s - self._carried_s, sensed)
 

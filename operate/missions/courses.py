@@ -22,7 +22,7 @@ _SIZE = re.compile(r"(\d+\.?\d*)x(-?\d+\.?\d*)")
 
 
 @dataclass(frozen=True)
-class Led:
+class OdometryStep:
     """A step that uses odometry."""
 
     _: KW_ONLY
@@ -53,7 +53,7 @@ class Led:
 
 
 @dataclass(frozen=True)
-class Turn(Led):
+class Turn(OdometryStep):
     """Turn on the spot, left if positive."""
 
     by_deg: float
@@ -70,7 +70,7 @@ class Turn(Led):
 
 
 @dataclass(frozen=True)
-class GoTo(Led):
+class GoTo(OdometryStep):
     """Walk straight to a point in the mission's frame: origin at its start, x forward, y left."""
 
     to: tuple[float, float]  # m
@@ -92,7 +92,7 @@ class GoTo(Led):
 
 
 @dataclass(frozen=True)
-class Waypoints(Led):
+class Waypoints(OdometryStep):
     """Walk in straight lines from point to point in the mission's frame: origin at its start, x forward, y
     left."""
 
@@ -122,7 +122,7 @@ class Waypoints(Led):
 
 
 @dataclass(frozen=True)
-class Rectangle(Led):
+class Rectangle(OdometryStep):
     """Walk along a rectangle that starts here: ahead, then left, or right for a negative width."""
 
     size: str  # length x width, m: 2x1
@@ -140,7 +140,7 @@ class Rectangle(Led):
 
 
 @dataclass(frozen=True)
-class Circle(Led):
+class Circle(OdometryStep):
     """Walk along a circle that starts here and bends left, or right for a negative radius."""
 
     radius_m: float

@@ -9,7 +9,7 @@ from footfall.deploy.command_source import ZERO_COMMAND, Behaviour, Pose, Reques
 from footfall.deploy.modes import Mode
 from footfall.operate.abilities import Abilities
 from footfall.operate.missions.activities import Act, Now
-from footfall.operate.missions.courses import GoTo, Led
+from footfall.operate.missions.courses import GoTo, OdometryStep
 from footfall.operate.missions.mission import HERE, Mission, NamedStep
 from footfall.operate.missions.step import Plan
 from footfall.operate.missions.steps import End
@@ -106,7 +106,7 @@ class MissionSource:
     def _begin(self, index: int, status: Status, pose: Pose) -> None:
         step, limits = self._steps[index].step, self._abilities(status.policy).limits
         self._index, self._plan = index, step.plan(pose, self._mission.scene(limits))
-        if isinstance(step, Led) or self._plan.end != pose:
+        if isinstance(step, OdometryStep) or self._plan.end != pose:
             self.goal = self._plan.end
         self._began_s = self._progress_s = status.walking_s
         self._best_s = math.inf
@@ -133,7 +133,7 @@ class MissionSource:
     def _stalled(self, act: Act, now_s: float) -> str:
         """Why a step that uses odometry has failed; empty if it has not."""
         step = self._steps[self._index].step
-        if not isinstance(step, Led):
+        if not isinstance(step, OdometryStep):
             return ""
         if act.remaining_s < self._best_s - PROGRESS_S:
             self._best_s, self._progress_s = act.remaining_s, now_s

@@ -10,7 +10,7 @@ from footfall.plant.motor_ends.motor_end import MotorEnd
 
 
 def open_motor_end(wiring: Wiring) -> MotorEnd:
-    """The motors' end for the drivers that `open_driver` opens.
+    """Simulated motors for the drivers that `open_driver` opens.
 
     Raises:
         UserError: as `open_driver`, or for a user's own driver without simulated motors.

@@ -34,7 +34,7 @@ KIND = {**mit_end.KIND, mit.CLEAR: Request.CLEAR}
 
 
 class DamiaoMotorEnd(PolledMotorEnd):
-    """Damiao's motors' end. `registers` are those of each motor, by number."""
+    """Simulated Damiao motors. `registers` has the registers of each motor, by number."""
 
     filters: tuple[CanFilter, ...] = (
         {"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},

@@ -17,7 +17,7 @@ _ALL = slice(None)
 
 
 class MitMotorEnd(PolledMotorEnd):
-    """The end of motors in MIT mode."""
+    """Simulated motors in MIT mode."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0x7FF - MOTOR_IDS[-1], "extended": False},)
     timeout_error = mit.COMMUNICATION_LOST

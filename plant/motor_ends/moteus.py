@@ -26,7 +26,7 @@ class _LastBatch(NamedTuple):
 
 
 class MoteusMotorEnd(PolledMotorEnd):
-    """moteus controllers' end. A motor that timed out, or has a fault, stays off until it is stopped."""
+    """Simulated moteus controllers. A motor that timed out, or has a fault, stays off until it is stopped."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0x8000, "can_mask": 0x8080, "extended": True, "fd": True},)
     timeout_error = TIMEOUT

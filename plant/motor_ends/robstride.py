@@ -38,7 +38,7 @@ _KIND = {CONTROL: Request.COMMAND, ENABLE: Request.ENABLE, STOP: Request.DISABLE
 
 
 class RobstrideMotorEnd(PolledMotorEnd):
-    """RobStride's motors' end. `parameters` are those of each motor, by index."""
+    """Simulated RobStride motors. `parameters` has the parameters of each motor, by index."""
 
     filters: tuple[CanFilter, ...] = ({"can_id": 0, "can_mask": 0, "extended": True},)
     timeout_error = 0  # the motor disables itself and reports no error

@@ -77,19 +77,19 @@ class Disturbance:
         """Clear earlier disturbances."""
         self._left_s = 0.0
 
-    def active(self, base: Base, walking: bool, off_m: float, dt_s: float) -> bool:
+    def active(self, base: Base, walking: bool, offset_m: float, dt_s: float) -> bool:
         """Whether the base is, or was within `calm_s`, too fast, too tilted or too far from its feet.
 
         Args:
             base: state of the base.
             walking: whether the robot steps; the capture point is then not checked.
-            off_m: distance of the capture point from the middle of the feet, m.
+            offset_m: distance of the capture point from the middle of the feet, m.
             dt_s: time since the last call.
         """
         config = self._config
         limit = config.stop_speed_m_s if walking else config.start_speed_m_s
         tilted = max(abs(base.roll), abs(base.pitch)) > config.start_tilt_rad
-        if abs(base.speed) > limit or tilted or (not walking and off_m > config.max_offset_m):
+        if abs(base.speed) > limit or tilted or (not walking and offset_m > config.max_offset_m):
             self._left_s = config.calm_s
         else:
             self._left_s = max(0.0, self._left_s - dt_s)

@@ -243,8 +243,8 @@ class Mpc:
         if settled:
             self.command.advance(inputs.command, dt_s)
         walking = self.clock.walking
-        off_m = 0.0 if walking else capture_offset_m(base, self._body.centre, pose.foot)
-        disturbed = self._disturbance.active(base, walking, off_m, dt_s)
+        offset_m = 0.0 if walking else capture_offset_m(base, self._body.centre, pose.foot)
+        disturbed = self._disturbance.active(base, walking, offset_m, dt_s)
         walk = self.command.requests_walk(inputs.command) or disturbed
         self._live.advance(self.clock, self.reference, self.swing_feet, dt_s)
         if self._live.gait and not self.clock.walking:

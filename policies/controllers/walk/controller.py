@@ -36,12 +36,12 @@ class Walk:
         self.name = name
         self._config = config = config or controller_settings(robot, name, WalkConfig)
         self.rate_hz, self._legs = config.rate_hz, robot.legs
-        body, down = nominal_body(robot), config.touch_down
+        body, touch_down = nominal_body(robot), config.touch_down
         self._settings = WalkSettings(robot, config)
         self.gaits = self._settings.names
         self.stepping = Stepping(robot, config, self._settings, body.centre)
         self.notes = self.stepping.notes
-        self._touch_down = None if down is None else TouchDown(robot, body, down)
+        self._touch_down = None if touch_down is None else TouchDown(robot, body, touch_down)
         self._levelling, self._slope = Levelling(config.levelling), Slope(config.slope)
         self._joints = JointTargets(robot, config)
 
@@ -82,7 +82,7 @@ class Walk:
         """See `Steerable` and `change`. Period and attitude change gradually."""
         self.change(step=changed_step(self._settings.step, values))
         if "step_period_s" in values:
-            self._settings.want_period(values["step_period_s"])
+            self._settings.request_period(values["step_period_s"])
         named = zip(ATTITUDE, self._levelling.desired.tolist(), strict=True)
         self._levelling.desired = np.array([values.get(name, now) for name, now in named])
 
@@ -107,8 +107,8 @@ class Walk:
         up = self._slope.up(yaw)
         feet = stepping.tips(downhill(up, stepping.height_m))
         tips = self._levelling.apply(feet, inputs, dt_s)
-        held = weight_torque(self._legs, pose.jacobian, ~stepping.cycle.swings, config.weight_n * up)
-        return self._joints.command(tips, min(1.0, inputs.time_s / config.settle_s), held)
+        weight = weight_torque(self._legs, pose.jacobian, ~stepping.cycle.swings, config.weight_n * up)
+        return self._joints.command(tips, min(1.0, inputs.time_s / config.settle_s), weight)
 
     def stance(self) -> np.ndarray | None:
         return self.stepping.stance()

@@ -76,7 +76,7 @@ class WalkSettings:
         gait.clock(self._robot)
         self.requested_gait = gait
 
-    def want_period(self, period_s: float) -> None:
+    def request_period(self, period_s: float) -> None:
         """Set the period of the requested gait, clamped to its span."""
         same, span = self.requested_gait == self.gait, self.spans["step_period_s"]
         period_s = min(max(period_s, span.lowest), span.highest)
