@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.ma import MaskedArray
 
 from footfall.policies.policy import Policy, PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -50,13 +51,14 @@ class TimedPolicy:
 
 def _copied(command: JointCommand, joints: int) -> np.ndarray:
     """A copy of a policy's command, (5, n)."""
-    if any(_unreal(row) for row in command):
+    values = np.array(command)
+    if values.dtype.kind == "c" or any(map(_masked, command)):
         raise ValueError("its command has masked or complex numbers, expected real ones")
-    values = np.array(command, dtype=float)
+    values = values.astype(float, copy=False)
     if values.shape != (5, joints):
         raise WrongSizeError(f"its command has shape {values.shape}, expected (5, {joints})")
     return values
 
 
-def _unreal(row: np.ndarray) -> bool:
-    return np.iscomplexobj(row) or (isinstance(row, np.ma.MaskedArray) and np.ma.is_masked(row))
+def _masked(row: np.ndarray) -> bool:
+    return isinstance(row, MaskedArray) and np.ma.is_masked(row)

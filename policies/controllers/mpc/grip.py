@@ -53,7 +53,7 @@ class Grip:
             dt_s: time since the last call.
         """
         self._careful_s -= dt_s
-        standing = np.flatnonzero(stance == 1.0)
+        standing = (stance == 1.0).nonzero()[0]
         if len(standing) < 2:
             return
         legs = self._legs

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from footfall.common.arrays import clamped
 from footfall.policies.controllers.walk.config import WalkConfig
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
@@ -34,7 +35,7 @@ class JointTargets:
         desired = self._start + share * (goal - self._start)
         # The tempo of a steady walk keeps its targets within this limit; a change of gait may exceed it.
         before, limit = self._previous, self._max_step_rad
-        self._previous = position = np.minimum(np.maximum(desired, before - limit), before + limit)
+        self._previous = position = clamped(desired, before - limit, before + limit)
         velocity = (position - before) / self._dt_s
         return JointCommand(
             position, velocity, self._kp, self._kd, self._legs.scatter(torque, self._no_torque)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from footfall.common.arrays import clamped
 from footfall.policies.controllers.stance import level_feet, tilt_correction
 from footfall.policies.controllers.walk.config import LevellingConfig
 from footfall.policies.policy import PolicyInput
@@ -25,7 +26,7 @@ class Levelling:
         config = self._config
         if self.attitude.tolist() != self.desired.tolist():
             limit = config.attitude_rate_rad_s * dt_s
-            self.attitude = self.attitude + (self.desired - self.attitude).clip(-limit, limit)
+            self.attitude = self.attitude + clamped(self.desired - self.attitude, -limit, limit)
         tilt = tilt_correction(inputs, config.gain, config.rate_gain_s, config.max_rad, self.attitude)
         self._tilt += min(1.0, dt_s / config.filter_s) * (tilt - self._tilt)
         return level_feet(feet, self._tilt - self.attitude)
