@@ -27,8 +27,8 @@ CLEAR_TIMEOUT_S = 0.5  # until no report contains an error: heartbeats come ten 
 ZERO_TIMEOUT_S = 1.2  # some motors are silent for a second after their zero is set
 MAX_ZERO_ERROR_RAD = 0.1  # largest position after setting zero
 ZERO_TRIES = 3  # a frame may be lost
-# In addition to Ctrl-C and SIGTERM, which already raise KeyboardInterrupt.
-HANGUP_SIGNALS = (signal.SIGHUP, signal.SIGQUIT)
+# In addition to SIGTERM, which already raises KeyboardInterrupt. So does SIGINT, unless a script uses `command &`.
+ENDING = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 
 
 class MotorState(NamedTuple):
@@ -193,11 +193,11 @@ def disabled_afterwards(bench: Bench) -> Iterator[None]:
     def end(*_: object) -> None:
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, end) for number in HANGUP_SIGNALS}
+    before = {number: signal.signal(number, end) for number in ENDING}
     try:
         yield
     finally:
-        endings = (signal.SIGINT, signal.SIGTERM, *HANGUP_SIGNALS)
+        endings = (signal.SIGTERM, *ENDING)
         held = {number: signal.signal(number, signal.SIG_IGN) for number in endings}
         try:
             bench.disable()

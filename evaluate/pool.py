@@ -96,6 +96,7 @@ def _run_until_broken(
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_exit_with_parent)
     queue = iter(indices)
     in_flight: dict[Future[R], int] = {}
+    earlier = multiprocessing.active_children()
     try:
         _launch(pool, function, tasks, queue, in_flight, workers)
         while in_flight:
@@ -112,6 +113,11 @@ def _run_until_broken(
         return []
     except BrokenProcessPool:  # raised by submit
         return sorted(in_flight.values())
+    except KeyboardInterrupt:  # SIGTERM reaches only this process; a task may last for minutes
+        for worker in multiprocessing.active_children():
+            if worker not in earlier:
+                worker.terminate()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
@@ -151,9 +157,10 @@ def _signals_wait() -> Iterator[None]:
 def _exit_with_parent() -> None:
     """In a worker: exit when the parent has ended for any reason; its queue alone would wait forever.
 
-    Ctrl-C ends a worker without a traceback.
+    Ctrl-C ends a worker without a traceback, unless the command ignores it: a script's `command &` does.
     """
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDS)
     parent = multiprocessing.parent_process()
     assert parent is not None

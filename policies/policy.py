@@ -9,6 +9,8 @@ from footfall.policies.contract import Contract
 from footfall.robots.actuator import JointCommand
 from footfall.robots.readings import Sensed
 
+RATES_HZ = (1.0, 10_000.0)  # lowest and highest rate of a hand-written controller, and of the joint loop
+
 
 class PolicyInput(NamedTuple):
     """Readings, command and estimate at a policy step."""

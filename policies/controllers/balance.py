@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footfall.common.config import require_not_negative, require_positive
+from footfall.common.config import require_between, require_not_negative, require_positive
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
@@ -27,7 +27,7 @@ from footfall.policies.controllers.whole_body.feedback import (
     standing,
 )
 from footfall.policies.controllers.whole_body.problem import Desired
-from footfall.policies.policy import PolicyInput
+from footfall.policies.policy import RATES_HZ, PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -48,7 +48,8 @@ class BalanceConfig:
     whole_body: WholeBodyConfig
 
     def __post_init__(self) -> None:
-        require_positive(self, "rate_hz", "max_lead_m", "max_force", "settle_s")
+        require_between(self, *RATES_HZ, "rate_hz")
+        require_positive(self, "max_lead_m", "max_force", "settle_s")
         require_not_negative(self, "capture_gain", "momentum_damping")
 
 

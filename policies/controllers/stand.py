@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footfall.common.config import require_not_negative, require_positive
+from footfall.common.config import require_between, require_not_negative, require_positive
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import level_feet, tilt_correction
-from footfall.policies.policy import PolicyInput
+from footfall.policies.policy import RATES_HZ, PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
 
@@ -25,7 +25,8 @@ class StandConfig:
     settle_s: float  # duration of the move from the pose at reset to the default pose
 
     def __post_init__(self) -> None:
-        require_positive(self, "rate_hz", "kp", "settle_s")
+        require_between(self, *RATES_HZ, "rate_hz")
+        require_positive(self, "kp", "settle_s")
         require_not_negative(self, "kd", "tilt_gain", "tilt_rate_gain_s", "max_tilt_rad")
 
 

@@ -133,6 +133,18 @@ class TestBench:
         assert not stand.body.motors_on.any()
         assert signal.getsignal(number) is before
 
+    def test_ctrl_c_disables_motors_of_a_command_that_ignored_it(self, go1: Robot) -> None:
+        """A shell script's `command &` starts with SIGINT ignored."""
+        stand, before = OnStand(go1), signal.signal(signal.SIGINT, signal.SIG_IGN)
+        bench = stand.bench()
+        bench.enable()
+        try:
+            with pytest.raises(KeyboardInterrupt), disabled_afterwards(bench):
+                bench.idle(1.0, lambda: os.kill(os.getpid(), signal.SIGINT))
+        finally:
+            signal.signal(signal.SIGINT, before)
+        assert not stand.body.motors_on.any()
+
 
 class TestScan:
     MAKERS = (("Damiao", "RobStride"), ("ODrive", "MIT mode"), ("moteus", "MIT mode"))

@@ -1,9 +1,12 @@
 """Tasks in parallel processes: none is lost, however its process ends."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -104,3 +107,60 @@ def test_ctrl_c_while_processes_load_their_modules_prints_nothing(tmp_path: Path
         command, cwd=tmp_path, capture_output=True, text=True, check=False, start_new_session=True
     )
     assert (done.returncode, done.stderr) == (130, "")
+
+
+SIGNALLED = """
+import os, signal, sys, time
+from pathlib import Path
+from footfall.evaluate.pool import run_all
+
+def task(seconds):
+    Path(f"task-{os.getpid()}").touch()
+    time.sleep(seconds)
+    return seconds
+
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        print([(outcome.value, outcome.error) for outcome in run_all(task, [float(sys.argv[1])], 1)])
+    except KeyboardInterrupt:
+        sys.exit(143)
+"""
+
+
+def signalled(
+    folder: Path, seconds: float, order: Callable[[int], None], ignore: bool
+) -> tuple[int, str, int]:
+    """Exit status and output of a pool that gets a signal during its task, and how often the task began."""
+    (folder / "script.py").write_text(SIGNALLED)
+    process = subprocess.Popen(
+        [sys.executable, "script.py", str(seconds)], cwd=folder, stdout=subprocess.PIPE, text=True,
+        start_new_session=True,
+        preexec_fn=(lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)) if ignore else None,  # noqa: PLW1509
+    )  # fmt: skip
+    try:
+        deadline = time.monotonic() + 60
+        while not list(folder.glob("task-*")) and time.monotonic() < deadline:
+            time.sleep(0.02)
+        order(process.pid)
+        output, _ = process.communicate(timeout=60)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    return process.returncode, output, len(list(folder.glob("task-*")))
+
+
+def test_sigterm_to_the_command_ends_a_long_task_at_once(tmp_path: Path) -> None:
+    began = time.monotonic()
+    status, _, _ = signalled(tmp_path, 300.0, lambda pid: os.kill(pid, signal.SIGTERM), ignore=False)
+    assert status == 143
+    assert time.monotonic() - began < 60
+
+
+def test_ctrl_c_disturbs_no_worker_of_a_command_that_ignores_it(tmp_path: Path) -> None:
+    """A script's `footfall evaluate ... &` shares the script's process group, and ignores SIGINT."""
+    status, output, starts = signalled(tmp_path, 0.5, lambda pid: os.killpg(pid, signal.SIGINT), ignore=True)
+    assert (status, output, starts) == (0, "[(0.5, '')]\n", 1)

@@ -1,9 +1,11 @@
 """The training loop and its messages, with a trainer that computes nothing."""
 
+import errno
 import io
 import json
 import os
 import signal
+import sys
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
@@ -97,6 +99,7 @@ def test_a_checkpoint_is_saved_when_it_is_due_and_after_its_metrics(run: Run) ->
     ("during", "signals", "calls"),
     [
         (2, [signal.SIGTERM], ["iterate 1", "iterate 2", "save 2"]),
+        (2, [signal.SIGHUP, signal.SIGHUP], ["iterate 1", "iterate 2", "save 2"]),  # a lost connection
         (2, [signal.SIGINT, signal.SIGINT], ["iterate 1"]),  # the second interrupts at once
         (ITERATIONS, [signal.SIGINT], [*(f"iterate {k}" for k in range(1, 5)), "save 4"]),  # it is complete
     ],
@@ -113,6 +116,33 @@ def test_a_signal_ends_a_training_after_the_iteration_with_a_checkpoint(
         learn(run, trainer, quiet())
     assert trainer.calls == calls
     assert len(logged(run)) == sum(call.startswith("iterate") for call in calls)
+
+
+def test_a_training_under_nohup_outlives_its_terminal(run: Run) -> None:
+    trainer = FakeTrainer(run, lambda _: os.kill(os.getpid(), signal.SIGHUP))
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        learn(run, trainer, quiet())
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert trainer.calls[-1] == f"save {ITERATIONS}"
+
+
+@pytest.mark.parametrize("error", [errno.ENOSPC, errno.EPIPE])
+def test_an_output_that_fails_does_not_end_a_training(
+    run: Run, error: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class FailingFile(io.StringIO):
+        def write(self, text: str) -> int:
+            raise OSError(error, os.strerror(error))
+
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    monkeypatch.setattr(FailingFile, "fileno", lambda _: nowhere)
+    monkeypatch.setattr(sys, "stdout", FailingFile())  # rich discards it after EPIPE
+    trainer = FakeTrainer(run)
+    learn(run, trainer, Display(ITERATIONS * STEPS, Console(file=sys.stdout)))
+    os.close(nowhere)
+    assert trainer.calls[-1] == f"save {ITERATIONS}"
 
 
 def test_other_processes_stop_and_save_with_the_main_process(

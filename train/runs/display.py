@@ -1,6 +1,7 @@
 """The display of a training: a live table on a terminal, plain lines elsewhere."""
 
 import time
+from contextlib import suppress
 from types import TracebackType
 
 from rich.console import Console, Group
@@ -52,8 +53,9 @@ class Display:
             self._screen.__exit__(kind, error, trace)
 
     def report(self, text: str) -> None:
-        """Show one line above the live table."""
-        self._console.print(text, highlight=False, soft_wrap=True)
+        """Show one line above the live table; an output that fails does not end the training."""
+        with suppress(OSError, SystemExit):  # a full disk; a closed pipe, for which rich raises SystemExit
+            self._console.print(text, highlight=False, soft_wrap=True)
 
     def doing(self, what: str) -> None:
         """Show a step before the first iteration, such as "compiling"."""

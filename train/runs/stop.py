@@ -6,8 +6,9 @@ from types import FrameType, TracebackType
 
 
 class StopRequest:
-    """Turns the first SIGINT or SIGTERM into a flag; the second one raises KeyboardInterrupt.
+    """Turns the first SIGINT, SIGTERM or SIGHUP into a flag; a second one raises KeyboardInterrupt.
 
+    A second SIGHUP does not: a lost connection sends two, from kernel and shell. `nohup` ignores both.
     Only the main thread receives signals: in any other thread `requested` stays False.
     """
 
@@ -17,8 +18,9 @@ class StopRequest:
 
     def __enter__(self) -> "StopRequest":
         main = threading.current_thread() is threading.main_thread()
-        for number in (signal.SIGINT, signal.SIGTERM) if main else ():
-            self._previous[number] = signal.signal(number, self._handle)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if main else ():
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                self._previous[number] = signal.signal(number, self._handle)
         return self
 
     def __exit__(
@@ -31,6 +33,6 @@ class StopRequest:
             signal.signal(number, handler)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        if self.requested:
+        if self.requested and number != signal.SIGHUP:
             raise KeyboardInterrupt
         self.requested = True

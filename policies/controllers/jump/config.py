@@ -79,5 +79,10 @@ class JumpConfig:
     def __post_init__(self) -> None:
         require_positive(self, "settle_s")
         require_not_negative(self, "tuck_m")
-        if self.leap.take_off_m >= self.plan.stance.height_m + self.leap.rise_m:
-            raise ValueError("leap.rise_m: the base would be that high before the feet leave the ground")
+        apex_m = self.plan.stance.height_m + self.leap.rise_m
+        for name, height_m in (
+            ("leap.take_off_m", self.leap.take_off_m),
+            ("landing.height_m", self.landing.height_m),
+        ):
+            if height_m >= apex_m:
+                raise ValueError(f"{name} must be below plan.stance.height_m plus leap.rise_m, {apex_m:g}")

@@ -6,9 +6,12 @@ from footfall.common.config import require_between, require_not_negative, requir
 from footfall.policies.controllers.command import CommandShaping
 from footfall.policies.controllers.gait import GaitConfig
 from footfall.policies.controllers.slope import SlopeConfig
+from footfall.policies.policy import RATES_HZ
 
 Triple = tuple[float, float, float]
 Range = tuple[float, float]
+
+MAX_HORIZON_STEPS = 200  # the quadratic program grows with the square of the steps
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,8 @@ class Horizon:
     solve_hz: float
 
     def __post_init__(self) -> None:
-        require_positive(self, "steps", "step_s", "solve_hz")
+        require_positive(self, "step_s", "solve_hz")
+        require_between(self, 1, MAX_HORIZON_STEPS, "steps")
 
 
 @dataclass(frozen=True)
@@ -149,5 +153,6 @@ class MpcConfig:
     legs_turn_base: bool = False  # swinging legs turn the base: relevant in gaits with a flight phase
 
     def __post_init__(self) -> None:
-        require_positive(self, "rate_hz", "settle_s")
+        require_between(self, *RATES_HZ, "rate_hz")
+        require_positive(self, "settle_s")
         require_not_negative(self, "friction_compensation", "max_attitude_rad")

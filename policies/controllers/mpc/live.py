@@ -8,6 +8,7 @@ from footfall.policies.controllers.gait import GaitConfig, GaitTiming, StepClock
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.reference import Reference
 from footfall.policies.controllers.mpc.swing_feet import SwingFeet
+from footfall.policies.gaits import find_gait
 from footfall.policies.live_settings import Applied, Span, approached, shared
 from footfall.robots.description import Robot
 
@@ -25,6 +26,8 @@ class LiveMpc:
 
     def __init__(self, robot: Robot, config: MpcConfig) -> None:
         self._robot, self._config = robot, config
+        for name in config.gaits:
+            find_gait(name, robot)  # raises UserError if the robot has no such gait
         limit = config.max_attitude_rad
         own = {
             "step_period_s": config.gait.period_s,

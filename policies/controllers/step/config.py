@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 
-from footfall.common.config import require_not_negative, require_positive
+from footfall.common.config import require_between, require_not_negative, require_positive
 from footfall.policies.controllers.command import CommandShaping
 from footfall.policies.controllers.step.footsteps import StepLimits, StepWeights
 from footfall.policies.controllers.whole_body.control import WholeBodyConfig
 from footfall.policies.controllers.whole_body.feedback import Feedback
+from footfall.policies.policy import RATES_HZ
 
 
 @dataclass(frozen=True)
@@ -87,5 +88,6 @@ class StepConfig:
     whole_body: WholeBodyConfig
 
     def __post_init__(self) -> None:
-        require_positive(self, "rate_hz", "max_force", "settle_s")
+        require_between(self, *RATES_HZ, "rate_hz")
+        require_positive(self, "max_force", "settle_s")
         require_not_negative(self, "lower_m", "momentum_damping")

@@ -6,6 +6,7 @@ from footfall.common.config import require_between, require_not_negative, requir
 from footfall.policies.controllers.command import CommandShaping
 from footfall.policies.controllers.gait import GaitConfig
 from footfall.policies.controllers.slope import SlopeConfig
+from footfall.policies.policy import RATES_HZ
 
 
 @dataclass(frozen=True)
@@ -115,5 +116,6 @@ class WalkConfig:
     slope: SlopeConfig | None = None  # None: the ground is assumed to be level
 
     def __post_init__(self) -> None:
-        require_positive(self, "rate_hz", "kp", "settle_s")
+        require_between(self, *RATES_HZ, "rate_hz")
+        require_positive(self, "kp", "settle_s")
         require_not_negative(self, "kd", "weight_n")
