@@ -108,7 +108,7 @@ def run(task: Task) -> dict[str, Any]:
     data, model, leg, free, delay_s = task
     windows = problem(data, model, leg, free)
     if delay_s is not None:
-        windows = windows.held(DELAY, delay_s)
+        windows = windows.with_fixed(DELAY, delay_s)
     held_out = held_out_mask(windows)
     fitting = windows.of(windows.recordings[~held_out])
     numbers = fitting.fit(rounds=2, iterations=6)

@@ -93,15 +93,15 @@ class Shooting:
         weight = kept / np.maximum(sizes, 1.0)[self.recording]
         return replace(self, window_weight=weight / weight.sum() * (weight > 0.0).sum())
 
-    def held(self, name: str, value: float) -> "Shooting":
+    def with_fixed(self, name: str, value: float) -> "Shooting":
         """Return the same fit with one parameter fixed."""
         row = [each.name for each in self.numbers].index(name)
         simulate, rest = self.simulate, self.numbers[:row] + self.numbers[row + 1 :]
 
-        def held(numbers: np.ndarray, start: np.ndarray) -> np.ndarray:
+        def simulate_fixed(numbers: np.ndarray, start: np.ndarray) -> np.ndarray:
             return simulate(np.insert(numbers, row, value, axis=0), start)
 
-        return replace(self, simulate=held, numbers=rest)
+        return replace(self, simulate=simulate_fixed, numbers=rest)
 
     @property
     def weight(self) -> np.ndarray:

@@ -14,7 +14,7 @@ from importlib import import_module
 from geometry_msgs.msg import PoseStamped, Twist
 from nav_msgs.msg import Path
 from observing import look_at_graph, look_at_values, stamp_s, state
-from peer import Peer, found
+from peer import Peer, report
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 from rclpy.action import ActionClient
@@ -50,13 +50,13 @@ def steer(peer: Peer) -> None:
     after = peer.latest("/odom")
     old, new = before.pose.pose.position, after.pose.pose.position
     distance_m, passed_s = math.hypot(new.x - old.x, new.y - old.y), stamp_s(after) - stamp_s(before)
-    found(
+    report(
         "cmd_vel of 0.3 m/s: mean speed, m/s (a hexapod is slower)",
         0.05 < distance_m / passed_s < 0.4,
         round(distance_m / passed_s, 3),
     )
     speeds = [m.twist.twist.linear.x for at_s, m in peer.received["/odom"] if at_s > time.monotonic() - 2.0]
-    found(
+    report(
         "odometry's velocity, m/s",
         0.05 < sum(speeds) / len(speeds) < 0.45,
         round(sum(speeds) / len(speeds), 3),
@@ -64,7 +64,7 @@ def steer(peer: Peer) -> None:
     peer.drive(publisher, velocity(math.nan), 0.5)
     lines = lambda: [m.msg for _, m in peer.received["/rosout"] if "finite" in m.msg]  # noqa: E731
     peer.until(lines, 10.0)
-    found("NaN is refused in /rosout", lines(), lines()[:1])
+    report("NaN is refused in /rosout", lines(), lines()[:1])
     peer.node.destroy_publisher(publisher)
     killed_publisher(peer)
 
@@ -87,7 +87,7 @@ def killed_publisher(peer: Peer) -> None:
 
     peer.until(zero_s, 5.0)
     after_s = zero_s() - killed_s
-    found("killed publisher: command is zero after, s", 0.0 < after_s < 0.5, round(after_s, 3))
+    report("killed publisher: command is zero after, s", 0.0 < after_s < 0.5, round(after_s, 3))
 
 
 def other_type(peer: Peer) -> None:
@@ -98,7 +98,7 @@ def other_type(peer: Peer) -> None:
     try:
         lines = lambda: [m.msg for _, m in peer.received["/rosout"] if "TwistStamped" in m.msg]  # noqa: E731
         peer.until(lines, 20.0)
-        found("the other type of cmd_vel is named", lines(), lines()[:1])
+        report("the other type of cmd_vel is named", lines(), lines()[:1])
     finally:
         process.kill()
         process.wait()
@@ -108,22 +108,22 @@ def ask(peer: Peer, expected: list[list[str]]) -> None:
     """Test services and parameters."""
     services = dict(peer.node.get_service_names_and_types())
     missing = [name for name, kind in expected if kind not in services.get(name, [])]
-    found("services", not missing, missing or f"{len(expected)} services")
+    report("services", not missing, missing or f"{len(expected)} services")
     for name in ("stand", "walk"):
         answer = peer.call(Trigger, f"/footfall/{name}", Trigger.Request())
-        found(f"service {name}", answer is not None and answer.success, str(answer))
+        report(f"service {name}", answer is not None and answer.success, str(answer))
     answer = peer.call(SetBool, "/footfall/wave", SetBool.Request(data=True))
     has_wave = "/footfall/gait/wave" in services
-    found("service wave", answer is not None and answer.success == has_wave, str(answer))
+    report("service wave", answer is not None and answer.success == has_wave, str(answer))
     listed = peer.call(ListParameters, "/footfall/list_parameters", ListParameters.Request())
     names = [] if listed is None else list(listed.result.names)
-    found("parameters", {"gait", "policy", "step_height_m"} <= set(names), names)
+    report("parameters", {"gait", "policy", "step_height_m"} <= set(names), names)
     if "step_height_m" not in names:
         return
     request = DescribeParameters.Request(names=["step_height_m"])
     described = peer.call(DescribeParameters, "/footfall/describe_parameters", request)
     ranges = described.descriptors[0].floating_point_range if described else []
-    found("a parameter's range", len(ranges) == 1, str(ranges))
+    report("a parameter's range", len(ranges) == 1, str(ranges))
     span = ranges[0]
     for value, right in ((0.5 * (span.from_value + span.to_value), True), (span.to_value + 1.0, False)):
         parameter = Parameter(name="step_height_m", value=ParameterValue(type=3, double_value=value))
@@ -131,7 +131,7 @@ def ask(peer: Peer, expected: list[list[str]]) -> None:
             SetParameters, "/footfall/set_parameters", SetParameters.Request(parameters=[parameter])
         )
         result = answer.results[0] if answer else None
-        found(f"step_height_m to {value:.3f}", result and result.successful == right, str(result))
+        report(f"step_height_m to {value:.3f}", result and result.successful == right, str(result))
 
 
 def follow(peer: Peer) -> None:
@@ -139,7 +139,7 @@ def follow(peer: Peer) -> None:
     kind = import_module("nav2_msgs.action").FollowPath
     client = ActionClient(peer.node, kind, "/footfall/follow_path")
     if not peer.until(client.server_is_ready, 10.0):
-        found("action", False, "there is no server")
+        report("action", False, "there is no server")
         return
     pose = peer.latest("/odom").pose.pose
     yaw = 2.0 * math.atan2(pose.orientation.z, pose.orientation.w)
@@ -164,19 +164,19 @@ def follow(peer: Peer) -> None:
     end, goal = peer.latest("/odom").pose.pose.position, path.poses[-1].pose.position
     error_m = math.hypot(end.x - goal.x, end.y - goal.y)
     falling = len(feedback) > 3 and feedback[-1] < feedback[0]
-    found("action follow_path", status == 4 and error_m < 0.15, [status, f"error {error_m:.3f} m"])
-    found("its feedback", falling, [round(each, 2) for each in feedback[:: max(1, len(feedback) // 5)]])
+    report("action follow_path", status == 4 and error_m < 0.15, [status, f"error {error_m:.3f} m"])
+    report("its feedback", falling, [round(each, 2) for each in feedback[:: max(1, len(feedback) // 5)]])
     far = kind.Goal(path=path)
     far.path.poses[-1].pose.position.x += 3.0
     sending = client.send_goal_async(far)
     peer.until(sending.done, 5.0)
     if not sending.done() or not sending.result().accepted:
-        found("action takes another goal", False, "")
+        report("action takes another goal", False, "")
         return
     cancelling = sending.result().cancel_goal_async()
     getting = sending.result().get_result_async()
     peer.until(lambda: cancelling.done() and getting.done(), 10.0)
-    found(
+    report(
         "action is cancelled",
         getting.done() and getting.result().status == 5,
         getting.done() and getting.result().status,
@@ -191,20 +191,20 @@ def ask_by_topics(peer: Peer) -> None:
     policy.publish(String(data="nobody"))
     lines = lambda: [m.data for _, m in peer.received["/footfall/notes"] if "nobody" in m.data]  # noqa: E731
     peer.until(lines, 20.0)
-    found("an unknown policy is refused in the notes", lines(), lines()[:1])
+    report("an unknown policy is refused in the notes", lines(), lines()[:1])
 
 
 def stop(peer: Peer, by_service: bool) -> None:
     """Stop the run, as the last test: the robot lies down."""
     if by_service:
         answer = peer.call(Trigger, "/footfall/stop", Trigger.Request())
-        found("service stop answers", answer and answer.success, str(answer))
+        report("service stop answers", answer and answer.success, str(answer))
     else:
         publisher = peer.node.create_publisher(Empty, "/footfall/stop", 10)
         peer.until(publisher.get_subscription_count, 10.0)
         publisher.publish(Empty())
     ended = peer.until(lambda: "WALKING" not in state(peer), 5.0)
-    found("stop ends the walk", ended, state(peer))
+    report("stop ends the walk", ended, state(peer))
 
 
 def main() -> None:

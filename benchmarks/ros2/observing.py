@@ -8,7 +8,7 @@ from typing import Any
 
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
-from peer import Peer, found
+from peer import Peer, report
 from rcl_interfaces.msg import Log
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Imu, JointState
@@ -45,12 +45,12 @@ def look_at_graph(peer: Peer, table: dict[str, Any]) -> None:
     peer.until(lambda: "/footfall/state" in dict(node.get_topic_names_and_types()), 40.0)
     peer.until(lambda: "footfall" in node.get_node_names(), 2.0)
     names = node.get_node_names()
-    found("node list (without rclpy there is no node)", not table["services"] or "footfall" in names, names)
+    report("node list (without rclpy there is no node)", not table["services"] or "footfall" in names, names)
     expected = {topic for topic, _, _ in table["published"]}
     peer.until(lambda: expected <= set(dict(node.get_topic_names_and_types())), 10.0)
     types = dict(node.get_topic_names_and_types())
     wrong = [t for t, kind, _ in table["published"] if kind not in types.get(t, [])]
-    found("topics and their types", not wrong, wrong or f"{len(table['published'])} topics")
+    report("topics and their types", not wrong, wrong or f"{len(table['published'])} topics")
     wrong = []
     for topic, kind, latched in table["published"]:
         if topic == "/rosout":  # each node has its own publisher
@@ -61,7 +61,7 @@ def look_at_graph(peer: Peer, table: dict[str, Any]) -> None:
             reliable = quality.reliability == ReliabilityPolicy.RELIABLE
             if (info.topic_type, latched_now, reliable) != (kind, latched, True):
                 wrong.append([topic, info.topic_type, latched_now, reliable])
-    found("quality of service", not wrong, wrong or "reliable; latched where the table says so")
+    report("quality of service", not wrong, wrong or "reliable; latched where the table says so")
 
 
 def look_at_values(peer: Peer) -> None:
@@ -81,21 +81,21 @@ def look_at_values(peer: Peer) -> None:
     links = (
         [] if description is None else [e.get("name") for e in ET.fromstring(description.data).iter("link")]
     )
-    found("latched /robot_description", "base_link" in links, f"{len(links)} links")
+    report("latched /robot_description", "base_link" in links, f"{len(links)} links")
     static = peer.latest("/tf_static")
     fixed = [] if static is None else [each.child_frame_id for each in static.transforms]
-    found("latched /tf_static", "imu_link" in fixed, fixed)
+    report("latched /tf_static", "imu_link" in fixed, fixed)
     walking = peer.until(lambda: "WALKING" in state(peer), WALKING_PATIENCE_S)
-    found("latched state", walking, state(peer))
+    report("latched state", walking, state(peer))
     for topic, max_hz in RATES.items():
         seen = rate_hz(peer, topic, 2.0)
-        found(f"rate of {topic}, Hz (less on a busy computer)", 0.1 < seen / max_hz < 1.1, round(seen, 1))
+        report(f"rate of {topic}, Hz (less on a busy computer)", 0.1 < seen / max_hz < 1.1, round(seen, 1))
     joints = peer.latest("/joint_states")
     if joints is None:
         sys.exit("no run found")
-    found("joint states", len(joints.name) == len(joints.position) >= 12, joints.name)
+    report("joint states", len(joints.name) == len(joints.position) >= 12, joints.name)
     imu = peer.latest("/imu/data")
-    found(
+    report(
         "imu frame and gravity",
         imu.header.frame_id == "imu_link" and 8.0 < imu.linear_acceleration.z < 12.0,
         [imu.header.frame_id, round(imu.linear_acceleration.z, 2)],
@@ -103,6 +103,6 @@ def look_at_values(peer: Peer) -> None:
     frames = {(each.header.frame_id, each.child_frame_id) for each in peer.latest("/tf").transforms}
     moved = {child for _, child in frames}
     connected = ("odom", "base_link") in frames and set(links) - {"base_link"} <= moved | set(fixed)
-    found("frames: odom to base_link to each link", connected, f"{len(moved)} moving, {len(fixed)} fixed")
+    report("frames: odom to base_link to each link", connected, f"{len(moved)} moving, {len(fixed)} fixed")
     age_s = time.time() - stamp_s(peer.latest("/joint_states"))
-    found("age of stamps, s (more on a busy computer)", 0.0 < age_s < 5.0, round(age_s, 3))
+    report("age of stamps, s (more on a busy computer)", 0.0 < age_s < 5.0, round(age_s, 3))

@@ -55,6 +55,6 @@ class Peer:
             self.spin(0.05)
 
 
-def found(name: str, right: Any, seen: Any) -> None:
+def report(name: str, passed: Any, seen: Any) -> None:
     """Print a finding in JSON: name, whether the check passed, and the observed value."""
-    print(json.dumps({"check": name, "ok": bool(right), "seen": seen}), flush=True)
+    print(json.dumps({"check": name, "ok": bool(passed), "seen": seen}), flush=True)

@@ -58,7 +58,7 @@ class BaseEstimator:
         self._gyro.reset()
         self.motion.reset()
         self._delay_uncertainty.reset()
-        self._velocity, self._turning, self._quaternion = np.zeros(3), sensed.gyro, sensed.quaternion
+        self._velocity, self._angular_velocity, self._quaternion = np.zeros(3), sensed.gyro, sensed.quaternion
         self._attitude: Attitude | None = None
         if self._config.own_attitude:
             self._attitude = began_as(sensed.quaternion.tolist(), sensed.gyro.tolist(), self._config.attitude)
@@ -97,18 +97,20 @@ class BaseEstimator:
             Velocity of the base's origin in the body frame, (3,) m/s, and its height above the centre of the
             mean stance foot, m.
         """
-        self._turning = np.array(self._gyro.update(sensed.gyro.tolist(), sensed.quaternion.tolist(), dt_s))
+        self._angular_velocity = np.array(
+            self._gyro.update(sensed.gyro.tolist(), sensed.quaternion.tolist(), dt_s)
+        )
         self._orient(sensed, dt_s)
         jacobian = self._take(sensed)
-        rotation, rows, across = self._rotation, self._rotation.tolist(), skew(self._turning).T
+        rotation, rows, across = self._rotation, self._rotation.tolist(), skew(self._angular_velocity).T
         rates = self._legs.gather(sensed.joint_velocity)
         contact = self._contact.update(sensed, rates, jacobian, self._up, stance, dt_s)
         if len(sensed.foot_force):
             self._sensor_notes.update(~self._contact.trusted, dt_s)
         # Velocity of the contact points relative to the IMU, body frame.
-        passing = (jacobian @ rates[:, :, None])[:, :, 0] + self._position.dot(across)
+        contact_velocity = (jacobian @ rates[:, :, None])[:, :, 0] + self._position.dot(across)
         self.motion.predict(sensed.acceleration.tolist(), rows, dt_s)
-        self.motion.correct(passing.dot(-rotation.T).tolist(), contact, rows, dt_s)
+        self.motion.correct(contact_velocity.dot(-rotation.T).tolist(), contact, rows, dt_s)
         if self._attitude is not None:
             self._attitude, bias = leveled(self._attitude, self.motion.bias, self._config.attitude)
             self.motion.bias = list(bias)
@@ -147,7 +149,7 @@ class BaseEstimator:
             orientation=multiply(_about_vertical(-self._start_yaw), self._quaternion),
             yaw=wrap_angle(self._yaw() - self._start_yaw),
             velocity=self._velocity,
-            angular_velocity=self._turning,
+            angular_velocity=self._angular_velocity,
             height=self._base_height(),
             contact=np.array(self._contact.probability),
             covariance=turn @ covariance @ turn.T,
@@ -157,11 +159,11 @@ class BaseEstimator:
         """Update the orientation: the IMU's, or the estimator's own, from the angular velocity."""
         self._quaternion = sensed.quaternion
         if self._attitude is not None and dt_s > 0.0:
-            gx, gy, gz = self._turning.tolist()
+            gx, gy, gz = self._angular_velocity.tolist()
             ax, ay, az = sensed.acceleration.tolist()
             self._attitude = advanced(self._attitude, (gx, gy, gz), (ax, ay, az), dt_s, self._config.attitude)
             self._quaternion = np.array(self._attitude.quaternion)
-            self._turning = self._turning - self._attitude.bias
+            self._angular_velocity = self._angular_velocity - self._attitude.bias
 
     def _take(self, sensed: Sensed) -> np.ndarray:
         """Update positions and rotation; returns the Jacobians of the contact points, (legs, 3, m)."""

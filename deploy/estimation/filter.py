@@ -33,7 +33,7 @@ class MotionFilter:
     def reset(self) -> None:
         """Start at rest, at position zero."""
         self.position = self.velocity = self.bias = [0.0, 0.0, 0.0]
-        self._surprise = [0.0, 0.0, 0.0]
+        self._mean_innovation = [0.0, 0.0, 0.0]
         self._last: tuple[float, ...] | None = None  # last reading, and the acceleration from it in the world
         self.pp = self.pv = self.pb = self.vb = 0.0
         self.vv, self.bb = _AT_REST_M_S**2, self._config.acceleration_bias**2
@@ -130,9 +130,9 @@ class MotionFilter:
 
     def _look_for_push(self, innovation: Vector, contact: float, dt_s: float) -> None:
         share = min(1.0, dt_s / self._config.push_filter_s)
-        (x, y, z), (ix, iy, iz) = self._surprise, innovation
+        (x, y, z), (ix, iy, iz) = self._mean_innovation, innovation
         x += share * (contact * ix - x)
         y += share * (contact * iy - y)
         z += share * (contact * iz - z)
-        self._surprise = [x, y, z]
+        self._mean_innovation = [x, y, z]
         self.vv += max(0.0, (x * x + y * y + z * z) / 3.0 - self._push_variance)

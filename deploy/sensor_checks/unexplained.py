@@ -54,7 +54,7 @@ class Unexplained(JointCheck):
 
     def __init__(self, robot: Robot, limits: Limits, sample_s: float) -> None:
         self._n, self._limits, self._peak = len(robot.joint_names), limits, robot.motor.peak_torque
-        self._looks = 1 + math.ceil(limits.explained_s / sample_s)
+        self._samples = 1 + math.ceil(limits.explained_s / sample_s)
         self.reset()
 
     def reset(self) -> None:
@@ -62,13 +62,13 @@ class Unexplained(JointCheck):
         self._commanded: np.ndarray | None = None  # last columns of the earlier `window.commanded`
 
     def _beyond(self, window: JointWindow) -> np.ndarray:
-        """Torque of each report beyond the explained range, N m, (looks, n); negative if explained."""
+        """Torque of each report beyond the explained range, N m, (samples, n); negative if explained."""
         limits, before = self._limits, self._commanded
         if before is None:
-            before = np.repeat(window.commanded[:, :1], self._looks - 1, axis=1)
+            before = np.repeat(window.commanded[:, :1], self._samples - 1, axis=1)
         commanded = np.concatenate((before, window.commanded), axis=1)
-        self._commanded = commanded[:, 1 - self._looks :]
-        smallest, minus_largest = _smallest_of_last(commanded, self._looks)
+        self._commanded = commanded[:, 1 - self._samples :]
+        smallest, minus_largest = _smallest_of_last(commanded, self._samples)
         lag_rad = limits.reading_rad + limits.lag_s * window.speed
         uncertainty = limits.torque_hidden * self._peak + window.stiffness * lag_rad
         uncertainty = uncertainty - limits.strength_share * np.minimum(
@@ -95,9 +95,9 @@ class CommandsIgnored(JointCheck):
     are those of the old command: as gaits are periodic, it had the smallest or the largest recent stiffness.
     A late motor still shows all changes: its reports are used for `explained_s` longer. A weak motor ignores
     at most `strength_share`. A change by less than `torque_little` of the peak is not significant, and
-    neither is a change in only one window: a foot that hits the ground reports the torque for the speed
-    before. Commands that hardly change for the joint's mean position are not used: with gains that
-    the motor does not have, the noise of a still joint's readings looks like a change.
+    neither is a change in only one window: when a foot hits the ground, the reported torque still belongs to
+    the speed before the impact. Commands that hardly change for the joint's mean position are not used: with
+    gains that the motor does not have, the noise of a still joint's readings looks like a change.
     """
 
     quantity = "share of the command changes that a motor's torque does not follow: it holds an old command"
@@ -105,8 +105,8 @@ class CommandsIgnored(JointCheck):
     limit = Limit("commands_ignored")
 
     def __init__(self, robot: Robot, limits: Limits, sample_s: float) -> None:
-        self._limits, self._least = limits, limits.torque_little * robot.motor.peak_torque
-        self._n = len(self._least)
+        self._limits, self._min_change = limits, limits.torque_little * robot.motor.peak_torque
+        self._n = len(self._min_change)
         self._joints = np.arange(self._n)
         self.reset()
 
@@ -129,8 +129,8 @@ class CommandsIgnored(JointCheck):
         shown = _deviation(torque + readings)
         changed = _changed((commanded + readings)[:, :count])
         at_mean = commanded + kp * (position - position.mean(axis=0)) + kd * velocity
-        commands_ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._least)).max(axis=0)
-        return np.where(_changed(at_mean[None, :count])[0] > self._least, commands_ignored, 0.0)
+        commands_ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._min_change)).max(axis=0)
+        return np.where(_changed(at_mean[None, :count])[0] > self._min_change, commands_ignored, 0.0)
 
 
 def _changed(values: np.ndarray) -> np.ndarray:
@@ -142,9 +142,9 @@ def _changed(values: np.ndarray) -> np.ndarray:
 def _deviation(values: np.ndarray) -> np.ndarray:
     """Standard deviation along the second axis: as `values.std(axis=1)`, in half the time."""
     count = values.shape[1]
-    away = values - np.add.reduce(values, axis=1, keepdims=True) / count
-    away *= away
-    deviation: np.ndarray = np.sqrt(np.add.reduce(away, axis=1) / count)
+    centred = values - np.add.reduce(values, axis=1, keepdims=True) / count
+    centred *= centred
+    deviation: np.ndarray = np.sqrt(np.add.reduce(centred, axis=1) / count)
     return deviation
 
 

@@ -21,9 +21,9 @@ class Cause(NamedTuple):
     key: tuple[int, ...] = ()  # affected joints
 
     def units(self, highest: np.ndarray) -> np.ndarray:
-        """What each motor understands by 1 in the frames to it, (5, n): the rows of a `JointCommand`.
+        """Value that each motor decodes from a frame that encodes 1, (5, n): the rows of a `JointCommand`.
 
-        A frame has shares of its motor's ranges, and a motor in another's place has its own ranges.
+        A frame encodes shares of a motor's ranges. A motor in the place of another one decodes with its own.
 
         Args:
             highest: (5, n) ends of the ranges, infinite for values that are not shares.

@@ -106,8 +106,8 @@ def _slope(
     direction: np.ndarray,
 ) -> np.ndarray:
     """Derivative of `_unbalanced` along a direction (nv,)."""
-    there, back = qpos.copy(), qpos.copy()
-    mujoco.mj_integratePos(model, there, direction, STEP)
-    mujoco.mj_integratePos(model, back, direction, -STEP)
-    ahead = _unbalanced(model, there, local, force)
-    return (ahead - _unbalanced(model, back, local, force)) / (2 * STEP)
+    plus, minus = qpos.copy(), qpos.copy()
+    mujoco.mj_integratePos(model, plus, direction, STEP)
+    mujoco.mj_integratePos(model, minus, direction, -STEP)
+    difference = _unbalanced(model, plus, local, force) - _unbalanced(model, minus, local, force)
+    return difference / (2 * STEP)

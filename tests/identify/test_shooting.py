@@ -57,9 +57,9 @@ def test_recordings_have_equal_weight_and_held_out_windows_none() -> None:
     assert fitted == pytest.approx(TRUTH, rel=0.02)
 
 
-def test_a_held_number_stays() -> None:
-    held = recorded().held("speed", 7.0)
-    assert [each.name for each in held.numbers] == ["decay"]
-    assert held.fit() == pytest.approx(TRUTH[1:], rel=0.05)
-    residual, slope = held.slopes(held.fit())
+def test_a_fixed_parameter_stays() -> None:
+    fixed = recorded().with_fixed("speed", 7.0)
+    assert [each.name for each in fixed.numbers] == ["decay"]
+    assert fixed.fit() == pytest.approx(TRUTH[1:], rel=0.05)
+    residual, slope = fixed.slopes(fixed.fit())
     assert slope.shape == (12, residual.shape[1], 1)

@@ -52,7 +52,7 @@ class NominalStep(NamedTuple):
     foothold: np.ndarray  # (2,) position of touch-down
     time_s: float
     offset: np.ndarray  # (2,) offset of the capture point from the touch-down
-    lag: float  # increase of the offset due to double support, per length of the step (see `nominal_step`)
+    lag: float  # c: increase of the offset due to double support, per length of the step (see `nominal_step`)
 
 
 class NextStep(NamedTuple):
@@ -68,8 +68,8 @@ def nominal_step(
     """Step of a gait at a steady velocity.
 
     In double support, at the start of a step, the centre of pressure moves uniformly from the old foot to the
-    new one, by the previous step's L. At the end of the step the capture point is as if it had started k L
-    closer to the new foot, k = 1 - (1 - exp(-w d)) / (w d): x(T) = exp(w T) (b + k L). In a steady gait, the
+    new one, by the previous step's L. At the end of the step the capture point is as if it had started c L
+    closer to the new foot, c = 1 - (1 - exp(-w d)) / (w d): x(T) = exp(w T) (b + c L). In a steady gait, the
     forward parts of L and b are the same in each step; the lateral parts change their sign.
 
     Args:
@@ -81,8 +81,8 @@ def nominal_step(
         rate: w of the inverted pendulum, 1/s.
     """
     growth = math.exp(rate * time_s)
-    both = rate * double_support_s
-    lag = 1.0 - (1.0 - math.exp(-both)) / both
+    exponent = rate * double_support_s
+    lag = 1.0 - (1.0 - math.exp(-exponent)) / exponent
     travel, across = velocity * time_s, np.array([0.0, side * apart_m])
     offset = travel * (1.0 - growth * lag) / (growth - 1.0) - across * (1.0 + growth * lag) / (growth + 1.0)
     return NominalStep(travel + across, time_s, offset, lag)
@@ -118,16 +118,16 @@ def next_step(
     apart = sorted((side * limits.apart_m[0], side * limits.apart_m[1]))
     # In (position, growth): the offset is pressure + (capture - pressure) growth - position. The steps
     # afterwards depend on offset + lag * position: a long step needs a smaller offset.
-    away, held = capture - pressure, 1.0 - nominal.lag
-    missed = np.array([[-held, 0.0, away[0]], [0.0, -held, away[1]]])
+    lead, share = capture - pressure, 1.0 - nominal.lag
+    rows = np.array([[-share, 0.0, lead[0]], [0.0, -share, lead[1]]])
     aim = nominal.offset + nominal.lag * nominal.foothold - pressure
     goal = np.array([nominal.foothold[0], nominal.foothold[1], growth])
     diagonal = np.array([weights.place, weights.place, weights.time])
-    hessian = weights.offset * (missed.T @ missed)
+    hessian = weights.offset * (rows.T @ rows)
     hessian.flat[::4] += diagonal
     solution, _, status, _ = daqp.solve(
         hessian,
-        -(diagonal * goal + weights.offset * (aim @ missed)),
+        -(diagonal * goal + weights.offset * (aim @ rows)),
         np.zeros((0, 3)),
         np.array([limits.ahead_m[1], apart[1], math.exp(rate * latest)]),
         np.array([limits.ahead_m[0], apart[0], math.exp(rate * soonest)]),
