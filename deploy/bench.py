@@ -27,7 +27,7 @@ CLEAR_TIMEOUT_S = 0.5  # until no report contains an error: heartbeats come ten 
 ZERO_TIMEOUT_S = 1.2  # some motors are silent for a second after their zero is set
 MAX_ZERO_ERROR_RAD = 0.1  # largest position after setting zero
 ZERO_TRIES = 3  # a frame may be lost
-# In addition to SIGTERM, which already raises KeyboardInterrupt. So does SIGINT, unless a script uses `command &`.
+# SIGTERM already raises KeyboardInterrupt, and so does SIGINT unless a script started the command with `&`.
 ENDING = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 
 
