@@ -13,13 +13,14 @@ Three folders result:
     true        the hidden robot's own parameters; its ranges are those from joint to joint
 
 `judge` runs each policy on the hidden robot: the same commands, ground friction and pushes for all of them.
+`compared_policies.py` compares the walks that `judge --walks` writes.
 """
 
 import argparse
 import json
 import math
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 
@@ -166,11 +167,19 @@ def with_nominal_losses(folder: str) -> Robot:
     return replace(robot, motor=motor)
 
 
-def judge(policies: list[Path], robots: Path, number: int, workers: int, out: Path | None) -> None:
+def judge(
+    policies: list[Path],
+    robots: Path,
+    number: int,
+    workers: int,
+    episodes: dict[str, int],
+    out: Path | None,
+    walks: Path | None,
+) -> None:
     """Run all episodes and print the table."""
     rows: list[dict] = []
     with ProcessPoolExecutor(workers) as pool:
-        for name, count in SCENARIOS.items():
+        for name, count in episodes.items():
             plans = plan_episodes(name, _scenarios().scenarios[name], 0, count)
             for policy in policies:
                 kind = policy.name.partition("-")[0]
@@ -179,6 +188,11 @@ def judge(policies: list[Path], robots: Path, number: int, workers: int, out: Pa
                 rows.append(row_of(policy.name, name, found))
                 print(json.dumps(rows[-1]), flush=True)
                 write_json(out, rows)
+                if walks:
+                    key = {"policy": policy.name, "scenario": name}
+                    lines = [key | {"index": i} | asdict(each) for i, each in enumerate(found)]
+                    with walks.open("a") as file:
+                        file.writelines(json.dumps(line) + "\n" for line in lines)
 
 
 def row_of(policy: str, scenario: str, found: list[EpisodeMetrics]) -> dict:
@@ -216,11 +230,22 @@ def main() -> None:
     judging.add_argument("--robots", type=Path, required=True, help="folder that `prepare` wrote")
     judging.add_argument("--workers", type=int, default=1)
     judging.add_argument("--json", type=Path)
+    judging.add_argument("--walks", type=Path, help="append each walk, for `compared_policies.py`")
+    for name, count in SCENARIOS.items():
+        judging.add_argument(f"--{name}", type=int, default=count, help=f"number of walks, {count}")
     options = parser.parse_args()
     if options.verb == "prepare":
         prepare(options.hidden, options.out)
     else:
-        judge(options.policies, options.robots, options.hidden, options.workers, options.json)
+        judge(
+            options.policies,
+            options.robots,
+            options.hidden,
+            options.workers,
+            {name: getattr(options, name) for name in SCENARIOS},
+            options.json,
+            options.walks,
+        )
 
 
 if __name__ == "__main__":
