@@ -23,16 +23,11 @@ def tilt_error(found: Attitude, true: Rotation) -> float:
     return float(np.linalg.norm(estimated.inv().apply(UP) - true.inv().apply(UP)))
 
 
-def follow(
-    found: Attitude, true: Rotation, rate: np.ndarray, seconds: float, swing_m_s2: float = 0.0
-) -> tuple[Attitude, Rotation]:
-    """Turn steadily about the body's axes, with a gyro that has a bias; the base swings ahead at 2 Hz."""
-    ticks = np.arange(round(seconds / DT_S))
-    turned = true * Rotation.from_rotvec(np.outer(ticks + 1, rate * DT_S))
-    ahead = swing_m_s2 * np.cos(4.0 * np.pi * ticks * DT_S)
-    own = np.column_stack([ahead, np.zeros(len(ticks)), np.full(len(ticks), GRAVITY_M_S2)])
+def follow(found: Attitude, true: Rotation, rate: np.ndarray, seconds: float) -> tuple[Attitude, Rotation]:
+    """Turn steadily about the body's axes, with a gyro that has a bias."""
+    turned = true * Rotation.from_rotvec(np.outer(np.arange(round(seconds / DT_S)) + 1, rate * DT_S))
     gyro = tuple((rate + BIAS).tolist())
-    for acceleration in turned.inv().apply(own).tolist():
+    for acceleration in turned.inv().apply(GRAVITY_M_S2 * UP).tolist():
         found = advanced(found, gyro, tuple(acceleration), DT_S, CONFIG)
     return found, turned[-1]
 

@@ -33,11 +33,11 @@ class Pack:
         self.monitor = BatteryMonitor(robot, self.battery, BatteryLimits())
         self.now_us = 0
 
-    def draw(self, current_a: float, seconds: float) -> BatteryState:
-        """Draw a current that swings, as steps do."""
+    def draw(self, seconds: float) -> BatteryState:
+        """Draw a current that swings about 6 A, as steps do."""
         battery = self.battery
         for look in range(round(seconds / PERIOD_S)):
-            amps = current_a * (1.0 + 0.5 * np.sin(look))
+            amps = 6.0 * (1.0 + 0.5 * np.sin(look))
             self.charge = max(self.charge - amps * PERIOD_S / battery.capacity_c, 0.0)
             drop_v = self.resistance * battery.internal_resistance_ohm * amps
             voltage = battery.open_circuit_v(self.charge) - drop_v + self.off_v
@@ -51,7 +51,7 @@ class Pack:
 def test_the_charge_is_right_with_wrong_resistance_and_current(go1: Robot, chemistry: str) -> None:
     pack = Pack(go1, 0.95, chemistry)
     pack.resistance, pack.reported_current = 1.2, 0.9
-    errors = [pack.draw(6.0, 10.0).charge - pack.charge for _ in range(55)]
+    errors = [pack.draw(10.0).charge - pack.charge for _ in range(55)]
     assert pack.charge < 0.15
     # a flat curve determines the charge less precisely
     assert np.abs(errors).max() < {"lithium_ion": 0.06, IRON: 0.15}[chemistry]
@@ -59,7 +59,7 @@ def test_the_charge_is_right_with_wrong_resistance_and_current(go1: Robot, chemi
 
 def test_limits_fall_with_the_charge_until_the_run_has_to_end(go1: Robot) -> None:
     pack = Pack(go1, 0.25)
-    states = [pack.draw(6.0, 2.0) for _ in range(65)]
+    states = [pack.draw(2.0) for _ in range(65)]
     allowed = [state.allowed for state in states]
     assert allowed[0] == 1.0
     assert allowed == sorted(allowed, reverse=True)
@@ -84,9 +84,9 @@ def test_limits_fall_with_the_charge_until_the_run_has_to_end(go1: Robot) -> Non
 )
 def test_a_sagging_pack_and_a_wrong_voltage_reading_are_faults(go1: Robot, change: dict, fault: str) -> None:
     pack = Pack(go1, 0.6)
-    assert pack.draw(6.0, 5.0).fault == ""
+    assert pack.draw(5.0).fault == ""
     vars(pack).update(change)
-    found = pack.draw(6.0, 5.0).fault
+    found = pack.draw(5.0).fault
     assert any(word in found for word in fault.split("|"))
     assert bool(found) is bool(fault)
 

@@ -24,11 +24,11 @@ class TestContact:
         contact.reset(sensed)
         return contact
 
-    def after(self, robot: Robot, contact: Any, sensed: Sensed, ticks: int, plan: Any = None) -> np.ndarray:
+    def after(self, robot: Robot, contact: Any, sensed: Sensed, ticks: int) -> np.ndarray:
         rates = robot.legs.gather(sensed.joint_velocity)
         jacobian = robot.legs.pose(sensed.joint_position).jacobian
         for _ in range(ticks):
-            found = contact.update(sensed, rates, jacobian, UP, plan, 0.002)
+            found = contact.update(sensed, rates, jacobian, UP, None, 0.002)
         return np.array(found)
 
     EVEN = 9.81 * nominal_body(ROBOT).mass / 4

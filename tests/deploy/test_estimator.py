@@ -40,8 +40,8 @@ class Unplanned(Generator):
 class Follower:
     """An estimator that records its odometry and the truth at each update."""
 
-    def __init__(self, plant: DirectPlant, config: EstimatorConfig | None = None) -> None:
-        self.plant, self._estimator = plant, BaseEstimator(plant.robot, config)
+    def __init__(self, plant: DirectPlant) -> None:
+        self.plant, self._estimator = plant, BaseEstimator(plant.robot)
         self.poses: list[Odometry] = []
         self.truth: list[np.ndarray] = []  # position and velocity
 

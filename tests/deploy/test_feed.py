@@ -29,6 +29,7 @@ from footfall.policies.policy import Sensed
 START_NS = 1_700_000_000_000_000_000
 LATCHED = {"/robot_description", "/tf_static", "/state", "/motor_health"}
 HEALTH = MotorHealth(np.zeros(13), *np.zeros((3, 12)))
+STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), *np.zeros((3, 12)))
 
 
 @pytest.fixture
@@ -41,13 +42,9 @@ def log(go1: Robot, tmp_path: Path) -> Iterator[McapLog]:
     log.close()
 
 
-def sensed(angles: np.ndarray, quaternion: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)) -> Sensed:
-    return Sensed(np.zeros(3), np.zeros(3), np.array(quaternion), angles, np.zeros(12), np.zeros(12))
-
-
 def ticks(log: McapLog, count: int, first: int = 0) -> None:
     for tick in range(first, first + count):
-        log.tick(2000 * tick, sensed(np.zeros(12)), HEALTH, np.zeros((5, 12)))
+        log.tick(2000 * tick, STILL, HEALTH, np.zeros((5, 12)))
 
 
 def connect(path: Path) -> socket.socket:

@@ -18,10 +18,10 @@ def matrix(motion: MotionFilter) -> np.ndarray:
     return np.array([[m.pp, m.pv, m.pb], [m.pv, m.vv, m.vb], [m.pb, m.vb, m.bb]])
 
 
-def coupled(config: FilterConfig = NO_OUTLIERS, seed: int = 3) -> MotionFilter:
+def coupled(seed: int = 3) -> MotionFilter:
     """A filter with a full covariance: all of its numbers differ."""
     rng = np.random.default_rng(seed)
-    motion = MotionFilter(config)
+    motion = MotionFilter(NO_OUTLIERS)
     root = 0.02 * rng.standard_normal((3, 3))
     cov = root @ root.T + 1e-5 * np.eye(3)
     motion.pp, motion.pv, motion.pb, motion.vv, motion.vb, motion.bb = cov[np.triu_indices(3)].tolist()

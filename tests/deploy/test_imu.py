@@ -9,12 +9,9 @@ from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames
 
 
-def whole(counter: int, acceleration_counter: int | None = None) -> np.ndarray:
+def whole(counter: int) -> np.ndarray:
     reading = imu.Inertial([0.1, 0.2, 0.3], [1.0, 0.0, 9.8], [0.8, 0.0, 0.6, 0.0])
-    data = imu.encode(reading, counter).copy()
-    if acceleration_counter is not None:
-        data[1] = imu.encode(reading, acceleration_counter)[1]
-    return data
+    return imu.encode(reading, counter).copy()
 
 
 @pytest.mark.parametrize("at_once", [True, False])
@@ -84,9 +81,9 @@ class Wire:
         self.reader = imu.ImuReader(channel=1)
         self.channel, self.id, self.length = np.full(3, 1), np.array(imu.IDS), np.full(3, 8)
 
-    def send(self, counter: int, now_us: int, gyro: float = 0.0, quaternion: object = None) -> None:
-        turned = [0.8, 0.0, 0.6, 0.0] if quaternion is None else quaternion
-        data = imu.encode(imu.Inertial([gyro, 0.2, 0.3], [1.0, 2.0, 9.0], turned), counter)  # type: ignore[arg-type]
+    def send(self, counter: int, now_us: int, gyro: float = 0.0) -> None:
+        reading = imu.Inertial([gyro, 0.2, 0.3], [1.0, 2.0, 9.0], [0.8, 0.0, 0.6, 0.0])
+        data = imu.encode(reading, counter)
         self.reader.absorb(Frames(self.channel, self.id, data, self.length), now_us)
 
 

@@ -31,10 +31,10 @@ def replies(robot: Robot, position: np.ndarray, velocity: np.ndarray | float = 0
     return open_motor_end(wiring_of(robot)).reply(slice(None), report(values))
 
 
-def command(robot: Robot, torque: float = 0.0) -> JointCommand:
+def command(robot: Robot) -> JointCommand:
     """The default pose with 20 N m/rad."""
     one = np.ones(12)
-    return JointCommand(robot.default_pose, 0 * one, 20.0 * one, 0.5 * one, torque * one)
+    return JointCommand(robot.default_pose, 0 * one, 20.0 * one, 0.5 * one, 0 * one)
 
 
 class TestOut:

@@ -48,11 +48,11 @@ class TestDrift:
 
 
 class TestLateness:
-    def swayed(self, late_s: float, frequency_hz: float = 2.0) -> DelayUncertainty:
-        """A walk at 0.5 m/s for a second, then a sway of 0.1 m/s to the left and right."""
+    def swayed(self, late_s: float) -> DelayUncertainty:
+        """A walk at 0.5 m/s for a second, then a sway of 0.1 m/s to the left and right at 2 Hz."""
         lateness = DelayUncertainty(OdometryConfig(latency_s=late_s, latency_filter_s=0.5))
         for tick in range(4000):
-            angle = math.tau * frequency_hz * 0.001 * tick
+            angle = math.tau * 2.0 * 0.001 * tick
             lateness.advance([0.5, 0.1 * math.sin(angle), 0.0], 0.001)
         return lateness
 

@@ -23,11 +23,9 @@ ESTIMATE = (np.array([0.1, 0.2, 0.3]), 0.3)
 TICK_US = 2000
 
 
-def runner_of(
-    policy: Any, source: VelocityFunction = stand_still, realtime: bool = False, arm: Any = lambda _: None
-) -> PolicyRunner:
+def runner_of(policy: Any, source: VelocityFunction = stand_still, realtime: bool = False) -> PolicyRunner:
     """A runner at 500 Hz that may take 0.1 s for a step."""
-    return PolicyRunner(Handover([policy]), Steering(source_of(source), [policy]), 500.0, 0.1, realtime, arm)
+    return PolicyRunner(Handover([policy]), Steering(source_of(source), [policy]), 500.0, 0.1, realtime)
 
 
 def run_at(runner: PolicyRunner, now_us: int) -> Any:

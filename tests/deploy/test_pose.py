@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from footfall.deploy.pose import impossible_pose
@@ -11,17 +10,6 @@ from footfall.robots.description import Robot
 
 LABELS = [f"joint {joint}" for joint in range(12)]
 TURN = math.tau
-
-
-def found(robot: Robot, position: float, lower: float, upper: float, margin_rad: float = 0.0) -> str:
-    """Finding for joint 4 at a position with this range; the others are in the default pose."""
-    joint = np.arange(12) == 4
-    ranged = replace(
-        robot,
-        lower_rad=np.where(joint, lower, robot.lower_rad),
-        upper_rad=np.where(joint, upper, robot.upper_rad),
-    )
-    return impossible_pose(ranged, LABELS, np.where(joint, position, robot.default_pose), margin_rad)
 
 
 @pytest.mark.parametrize(
@@ -38,8 +26,10 @@ def found(robot: Robot, position: float, lower: float, upper: float, margin_rad:
     ],
 )
 def test_a_position_may_be_off_by_whole_turns_alone(go1: Robot, position: float, turns: str) -> None:
-    """The joint's range is 1 to 2 rad."""
-    fault = found(go1, position, 1.0, 2.0)
+    """The joint's range is 1 to 2 rad; the others are in the default pose."""
+    lower, upper, pose = go1.lower_rad.copy(), go1.upper_rad.copy(), go1.default_pose.copy()
+    lower[4], upper[4], pose[4] = 1.0, 2.0, position
+    fault = impossible_pose(replace(go1, lower_rad=lower, upper_rad=upper), LABELS, pose, 0.0)
     assert fault.startswith("joint 4 reads")
     assert turns in fault
     assert ("of the joint" in fault) is bool(turns)

@@ -52,25 +52,24 @@ class Rise(Hold):
         return super().act(inputs)._replace(position=position)
 
 
-class SourceOfBehaviour:
-    """A command source that always requests the same behaviour."""
+class Ahead:
+    """A command source that always requests to walk ahead."""
 
     stopped: Stop | None = None
 
-    def __init__(self, behaviour: Behaviour = Behaviour.WALK) -> None:
-        self.behaviour = behaviour
+    def __init__(self) -> None:
         self.seen: list[Status] = []
 
     def poll(self, status: Status) -> Request:
         self.seen.append(status)
-        return Request(np.array([0.2, 0.0, 0.0]), self.behaviour)
+        return Request(np.array([0.2, 0.0, 0.0]), Behaviour.WALK)
 
 
-def fallen(robot: Robot, consent: bool = True, **settings: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
+def fallen(robot: Robot, **settings: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
     """A loop whose robot walked and lies on its side; its policy, and the get-up policy."""
     walks, rises = Hold(robot), Hold(robot)
     rises.name = "rises"
-    loop, body = loop_of(robot, walks, get_up=rises if consent else None, **{"safety": SAFETY, **settings})
+    loop, body = loop_of(robot, walks, get_up=rises, **{"safety": SAFETY, **settings})
     until(loop, Mode.WALKING)
     body.quaternion = ON_ITS_SIDE
     until(loop, Mode.FALLING)
@@ -91,14 +90,14 @@ FAULTS: dict[str, Callable[[FrameRobot, ControlLoop], object]] = {
     "silent motor": lambda body, _: setattr(body, "silent", [4]),
     "hot motor": lambda body, _: setattr(body, "temperature_c", 95),
     "motor error": lambda body, _: body.error.__setitem__(3, 1),
-    "stop": lambda *_: setattr(SourceOfBehaviour, "stopped", Stop("stopped by x")),
+    "stop": lambda *_: setattr(Ahead, "stopped", Stop("stopped by x")),
     "end": lambda _, loop: loop.finish(),
 }
 
 
 class TestOnFrames:
     def test_a_robot_gets_up_stands_and_walks_on_under_the_policy_that_walked(self, go1: Robot) -> None:
-        source = SourceOfBehaviour()
+        source = Ahead()
         loop, body, walks, rises = fallen(go1, command_source=source)
         until(loop, Mode.RECOVERING)
         assert loop.recovery.recovered == []
@@ -142,9 +141,9 @@ class TestFaultsWhileGettingUp:
     @pytest.mark.parametrize("fault", FAULTS)
     @pytest.mark.parametrize("mode", [Mode.RECOVERING, Mode.FALLING])
     def test_it_stays_down(self, go1: Robot, monkeypatch: pytest.MonkeyPatch, fault: str, mode: Mode) -> None:
-        monkeypatch.setattr(SourceOfBehaviour, "stopped", None)
+        monkeypatch.setattr(Ahead, "stopped", None)
         ends = Mode.FALLING if fault == "end" else Mode.ESTOP
-        loop, body, *_ = fallen(go1, command_source=SourceOfBehaviour())
+        loop, body, *_ = fallen(go1, command_source=Ahead())
         until(loop, mode)
         FAULTS[fault](body, loop)
         modes = to_the_end(loop)
@@ -161,10 +160,10 @@ class TestFaultsWhileGettingUp:
 
 
 class LaysDown:
-    """Tips the walking robot over, then puts it on its belly, or on another side, with folded legs."""
+    """Tips the walking robot over, then puts it on its belly with folded legs."""
 
-    def __init__(self, robot: Robot, pose: tuple[float, ...] = (0.15, *UPRIGHT)) -> None:
-        self._lying, self._tipped, self.modes, self._pose = robot.lying_pose, False, list[Mode](), pose
+    def __init__(self, robot: Robot) -> None:
+        self._lying, self._tipped, self.modes = robot.lying_pose, False, list[Mode]()
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         mode = loop.state.mode
@@ -175,7 +174,7 @@ class LaysDown:
             body.data.qvel[2:4] = 1.0, 12.0
         since_s = loop.now_us * 1e-6 - loop.state.since_s
         if mode is Mode.FALLING and 0.0 < since_s < 0.01:
-            body.data.qpos[2:7], body.data.qpos[7:] = self._pose, self._lying
+            body.data.qpos[2:7], body.data.qpos[7:] = (0.15, *UPRIGHT), self._lying
             body.data.qvel[:] = 0.0
 
 

@@ -14,8 +14,8 @@ TWO = two_motors("RS00", "RS03", motor_id=7)
 TURNS = 12.566370614359172
 
 
-def frame(identifier: int, content: str, channel: int = 0) -> Frames:
-    return plain_frame(EXTENDED | identifier, content, channel)
+def frame(identifier: int, content: str) -> Frames:
+    return plain_frame(EXTENDED | identifier, content)
 
 
 def hexed(frames: Frames) -> list[tuple[str, str]]:

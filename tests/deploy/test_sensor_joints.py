@@ -93,20 +93,16 @@ def test_a_stuck_reading_is_noticed_early(go1: Robot, reading: tuple[float, floa
 class TestTorqueStuck:
     """A torque that equals the previous torque while the command changes, relative to the peak torque."""
 
-    def stuck(self, robot: Robot, reported: float, samples: int, stiffness: float = 0.0) -> float:
-        """The command rises by the peak torque a second: 0.04 from each window to the next."""
-        peak = float(robot.motor.peak_torque[0])
-        torque = lambda t: (reported * peak, t * peak)  # noqa: E731
-        share = measured(robot, TorqueStuck, torque=torque, samples=samples, stiffness=stiffness)
-        assert (share[1:] == 0.0).all()
-        return float(share[0])
-
     def test_a_stuck_torque_counts_from_its_first_window_to_the_last_but_one(self, go1: Robot) -> None:
-        """The torque should change by 0.04, 0.08 and 0.12, of which 0.03 may be hidden each time."""
-        assert [self.stuck(go1, 0.3, samples) for samples in (10, 20)] == [0.0, 0.0]
-        added_up = [0.01, 0.01 + 0.05, 0.01 + 0.05 + 0.09]
-        assert [self.stuck(go1, 0.3, samples) for samples in (30, 40, 50)] == pytest.approx(added_up)
-        assert added_up[1] < LIMITS.torque_stuck < added_up[2]
+        """The command rises by the peak torque a second: 0.04 from each window to the next.
+
+        The torque should change by 0.04, 0.08 and 0.12, of which 0.03 may be hidden each time.
+        """
+        added_up = [0.0, 0.0, 0.01, 0.01 + 0.05, 0.01 + 0.05 + 0.09]
+        for samples, expected in zip((10, 20, 30, 40, 50), added_up, strict=True):
+            share = measured(go1, TorqueStuck, torque=lambda t: (0.3, t), samples=samples)
+            assert share.tolist() == pytest.approx([expected] + [0.0] * 11, abs=1e-12)
+        assert added_up[-2] < LIMITS.torque_stuck < added_up[-1]
 
     @pytest.mark.parametrize(
         ("share", "samples"),
@@ -123,30 +119,20 @@ class TestTorqueStuck:
         self, go1: Robot, share: Callable[[float], tuple[float, float]], samples: Sequence[int]
     ) -> None:
         """The motor reports the commanded shares of the peak torque; frames are ten times finer."""
-        peak = float(go1.motor.peak_torque[0])
-
-        def torque(time_s: float) -> tuple[float, float]:
-            reported, commanded = share(time_s)
-            return reported * peak, commanded * peak
-
-        assert all(measured(go1, TorqueStuck, torque=torque, samples=n)[0] == 0.0 for n in samples)
-
-
-def commanded(robot: Robot, reported: float, lag_s: float = 0.0) -> float:
-    """Commands alternate between shares of the peak torque; a share of them is reported, later."""
-    peak = float(robot.motor.peak_torque[0])
-
-    def wave(time_s: float) -> float:
-        return peak * (0.1 + 0.5 * np.sin(10.0 * time_s))
-
-    return float(measured(robot, Opposing, torque=lambda t: (reported * wave(t - lag_s), wave(t)))[0])
+        assert all(measured(go1, TorqueStuck, torque=share, samples=n)[0] == 0.0 for n in samples)
 
 
 @pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
 def test_torque_and_command_are_compared_in_size_and_sign(
     go1: Robot, reported: float, opposing: float
 ) -> None:
-    assert commanded(go1, reported) == pytest.approx(opposing, abs=0.01)
+    """Commands alternate between shares of the peak torque; a share of them is reported."""
+
+    def torque(time_s: float) -> tuple[float, float]:
+        commanded = 0.1 + 0.5 * np.sin(10.0 * time_s)
+        return reported * commanded, commanded
+
+    assert measured(go1, Opposing, torque=torque)[0] == pytest.approx(opposing, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -155,31 +141,24 @@ def test_torque_and_command_are_compared_in_size_and_sign(
 )
 def test_the_time_of_a_limp_motor(go1: Robot, reported: float, expected: float, no_torque_s: float) -> None:
     """Torques are shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
-    peak = float(go1.motor.peak_torque[0])
-    found = measured(go1, NoTorque, torque=lambda _: (reported * peak, expected * peak), samples=50)
+    found = measured(go1, NoTorque, torque=lambda _: (reported, expected), samples=50)
     assert found[0] == pytest.approx(no_torque_s, abs=1e-12)
 
 
-class TestReplyRepeated:
-    """A reading that stays while its target moves."""
+def test_a_repeated_reply_counts_from_the_window_after_the_targets_motion(go1: Robot) -> None:
+    """The joint reports no motion and no torque. Its target leaps, perhaps with a window's last tick.
 
-    STIFFNESS = 50.0
+    Only what the next window expects of the leap counts.
+    """
+    stiffness, peak = 50.0, float(go1.motor.peak_torque[0])
 
-    def frozen(self, robot: Robot, reported: float, samples: int, target: Callable[[float], float]) -> float:
-        """Value of a joint at 0 rad that reports the same share of peak torque while its target moves."""
-        peak = float(robot.motor.peak_torque[0])
+    def leap(time_s: float) -> float:
+        return 0.12 * (time_s > 0.119)
 
-        def torque(time_s: float) -> tuple[float, float]:
-            return reported * peak, float(np.clip(self.STIFFNESS * target(time_s), -peak, peak))
+    def torque(time_s: float) -> tuple[float, float]:
+        return 0.0, stiffness * leap(time_s) / peak
 
-        more = {"samples": samples, "stiffness": self.STIFFNESS, "target": target}
-        return float(measured(robot, ReplyRepeated, lambda _: (0.0, 0.0), torque, **more)[0])  # type: ignore[arg-type]
-
-    def test_a_repeated_reply_counts_from_the_window_after_the_targets_motion(self, go1: Robot) -> None:
-        """A leap may go out with a window's last tick: only what the next window expects of it counts."""
-
-        def leap(time_s: float) -> float:
-            return 0.12 * (time_s > 0.119)
-
-        values = [self.frozen(go1, 0.0, samples, leap) for samples in (30, 40, 50)]
-        assert values == pytest.approx([0.0, 0.0, 0.12])
+    for samples, expected in ((30, 0.0), (40, 0.0), (50, 0.12)):
+        more = {"samples": samples, "stiffness": stiffness, "target": leap}
+        value = measured(go1, ReplyRepeated, lambda _: (0.0, 0.0), torque, **more)[0]  # type: ignore[arg-type]
+        assert value == pytest.approx(expected)

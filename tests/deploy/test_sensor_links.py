@@ -9,7 +9,6 @@ from sensor_readings import LIMITS, SAMPLE_US, JointReadings, measured, swing
 from footfall.deploy.drivers.imu import Inertial
 from footfall.deploy.sensor_checks import links
 from footfall.deploy.sensor_checks.link_window import LinkSums
-from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.deploy.sensor_checks.travel import Creep
 from footfall.deploy.sensor_checks.unexplained import CommandsIgnored, Unexplained
 from footfall.robots.description import Robot
@@ -21,8 +20,8 @@ LOOKS = 10
 class Link:
     """Twelve motors that answer each frame, and an IMU, seen through a check of readings that arrive."""
 
-    def __init__(self, robot: Robot, check: type[links.LinkCheck], limits: SensorLimits = LIMITS) -> None:
-        self.check = check(robot, limits, 0.004)
+    def __init__(self, robot: Robot, check: type[links.LinkCheck]) -> None:
+        self.check = check(robot, LIMITS, 0.004)
         self.sums, self.now_us = LinkSums(answering=True), 0
         self.replies, self.older = np.zeros(12, np.intp), 0
         self.latest = 0, reading(0)
@@ -129,12 +128,9 @@ class TestSlow:
 
 
 class TestUnexplained:
-    PEAK_SHARE = 0.3
-
     def drops_out(self, go1: Robot, faulty_s: float) -> float:
         """Unexplained torque of a motor that has no current for `faulty_s` in each 200 ms."""
-        commanded = self.PEAK_SHARE * float(go1.motor.peak_torque[0])
-        torque = lambda t: (0.0 if t % 0.2 < faulty_s else commanded, commanded)  # noqa: E731
+        torque = lambda t: (0.0 if t % 0.2 < faulty_s else 0.3, 0.3)  # noqa: E731
         return float(measured(go1, Unexplained, torque=torque, samples=500)[0])
 
     def test_a_motor_that_drops_out_intermittently_is_noticed(self, go1: Robot) -> None:
@@ -142,9 +138,8 @@ class TestUnexplained:
         assert self.drops_out(go1, 0.0) == 0.0
 
     def test_motors_that_are_weak_or_report_late_are_explained(self, go1: Robot) -> None:
-        peak = float(go1.motor.peak_torque[0])
-        assert measured(go1, Unexplained, torque=lambda _: (0.3 * peak, 0.6 * peak), samples=500)[0] == 0.0
-        commanded = lambda t: 0.5 * peak * np.sign(np.sin(15.0 * t))  # noqa: E731
+        assert measured(go1, Unexplained, torque=lambda _: (0.3, 0.6), samples=500)[0] == 0.0
+        commanded = lambda t: 0.5 * np.sign(np.sin(15.0 * t))  # noqa: E731
         torque = lambda t: (float(commanded(max(t - 0.04, 0.004))), float(commanded(t)))  # noqa: E731
         assert measured(go1, Unexplained, torque=torque, samples=500)[0] == 0.0
 
@@ -152,14 +147,7 @@ class TestUnexplained:
 class TestCommandsIgnored:
     """A joint that swings by 0.1 rad under a target that swings by 0.15 rad."""
 
-    def share(
-        self,
-        go1: Robot,
-        target_of_motor: Callable[[float], float],
-        strength: float = 1.0,
-        target: Callable[[float], float] | None = None,
-        stiffness: Callable[[float], float] = lambda _: 20.0,
-    ) -> float:
+    def share(self, go1: Robot, target_of_motor: Callable[[float], float], strength: float = 1.0) -> float:
         """The check's value after 1.2 s of a motor that pulls to this target with 20 N m/rad."""
         readings, sent, joints = JointReadings(go1, CommandsIgnored), np.zeros((5, 12)), np.zeros((3, 12))
         sent[2], sent[3] = 20.0, 0.5
@@ -167,7 +155,7 @@ class TestCommandsIgnored:
         for k in range(1, 301):
             time_s = k * SAMPLE_US * 1e-6
             position, velocity = swing(time_s)
-            sent[0, 0], sent[2, 0] = (target or self.target)(time_s), stiffness(time_s)
+            sent[0, 0] = self.target(time_s)
             torque = strength * (20.0 * (target_of_motor(time_s) - position) - 0.5 * velocity)
             joints = joints.copy()
             joints[:, 0] = position, velocity, torque

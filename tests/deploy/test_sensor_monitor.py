@@ -24,9 +24,9 @@ ZEROS = np.zeros(12)
 NOTHING_SENT = np.zeros((5, 12)), np.zeros((5, 12)), (ZEROS, ZEROS)
 
 
-def monitor_of(robot: Robot, limits: SensorLimits = WIDE_LIMITS, **checks: object) -> SensorMonitor:
+def monitor_of(robot: Robot, **checks: object) -> SensorMonitor:
     """A monitor that began with a robot that stands still."""
-    monitor = SensorMonitor(robot, wiring_of(robot), limits, 0.002, **checks)  # type: ignore[arg-type]
+    monitor = SensorMonitor(robot, wiring_of(robot), WIDE_LIMITS, 0.002, **checks)  # type: ignore[arg-type]
     joints = np.array([robot.default_pose, ZEROS, ZEROS])
     monitor.begin(0, np.zeros(12, np.int64), STILL, joints, robot.default_pose)
     return monitor
@@ -50,14 +50,14 @@ def window(
     return monitor.joint_contradiction(ZEROS, joints[0], ZEROS + temperature_c, ZEROS + voltage)
 
 
-def found(robot: Robot, row: str = "", value: float = 0.0, limits: SensorLimits = WIDE_LIMITS) -> str:
+def found(robot: Robot, row: str = "", value: float = 0.0) -> str:
     """Findings for a robot that stands still, with one changed value of one motor."""
     readings = {"velocity": ZEROS.copy(), "torque": ZEROS.copy()}
     readings |= {name: np.full(12, np.nan) for name in ("temperature_c", "voltage")}
     if row:
         readings[row][CALF] = value
     joints = np.array([robot.default_pose, readings.pop("velocity"), readings.pop("torque")])
-    implausible = window(monitor_of(robot, limits), joints, **readings)  # type: ignore[arg-type]
+    implausible = window(monitor_of(robot), joints, **readings)  # type: ignore[arg-type]
     assert implausible is None or implausible.leads_to is Mode.ESTOP
     return "" if implausible is None else implausible.fault
 

@@ -75,39 +75,37 @@ def hold(model: mujoco.MjModel) -> None:
     model.opt.gravity[:] = 0.0
 
 
-def trained(robot: Robot, goal: Goal, timestep_s: float = TRAINING_TIMESTEP_S) -> np.ndarray:
+def trained(robot: Robot, goal: Goal) -> np.ndarray:
     """Joint positions every 5 ms over 0.4 s as in training."""
-    model, none = training_model(robot, timestep_s), np.zeros(len(robot.joint_names))
+    model, none = training_model(robot, TRAINING_TIMESTEP_S), np.zeros(len(robot.joint_names))
     hold(model)
     data, (positions, dofs) = mujoco.MjData(model), joint_addresses(model, robot)
     data.qpos[positions] = robot.default_pose
     drive, visited = Drive(none, robot.kp, robot.kd, robot.motor, none), []
-    for k in range(round(0.4 / timestep_s)):
-        target = robot.default_pose + goal(k * timestep_s)
-        effort = joint_effort(drive, target, data.qpos[positions], data.qvel[dofs], timestep_s)
+    for k in range(round(0.4 / TRAINING_TIMESTEP_S)):
+        target = robot.default_pose + goal(k * TRAINING_TIMESTEP_S)
+        effort = joint_effort(drive, target, data.qpos[positions], data.qvel[dofs], TRAINING_TIMESTEP_S)
         data.qfrc_applied[dofs] = effort.torque
         model.dof_armature[dofs] = robot.armature + effort.inertia
         mujoco.mj_step(model, data)
         visited.append(data.qpos[positions].copy())
-    return np.array(visited)[round(0.005 / timestep_s) - 1 :: round(0.005 / timestep_s)]
+    return np.array(visited)
 
 
-def acted(robot: Robot, goal: Goal, timestep_s: float = 1e-4) -> np.ndarray:
-    """Joint positions on the plant, whose steps are short and explicit."""
+def acted(robot: Robot, goal: Goal) -> np.ndarray:
+    """Joint positions at the same times on the plant, whose steps are short and explicit."""
     plant = read_plant(robot)
     model, motor = plant.model, plant.motor
-    model.opt.timestep = timestep_s
+    model.opt.timestep = 1e-4
     hold(model)
-    data, (positions, dofs) = mujoco.MjData(model), joint_addresses(model, robot)
-    data.qpos[:7] = (0, 0, 1, 1, 0, 0, 0)
-    data.qpos[positions] = robot.default_pose
+    data, (positions, dofs) = posed(model, robot, 1.0), joint_addresses(model, robot)
     visited = []
-    for k in range(round(0.4 / timestep_s)):
-        command = JointCommand(robot.default_pose + goal(k * timestep_s), 0.0, robot.kp, robot.kd, 0.0)
+    for k in range(4000):
+        command = JointCommand(robot.default_pose + goal(1e-4 * k), 0.0, robot.kp, robot.kd, 0.0)
         data.qfrc_applied[dofs] = joint_torque(command, data.qpos[positions], data.qvel[dofs], motor)
         mujoco.mj_step(model, data)
         visited.append(data.qpos[positions].copy())
-    return np.array(visited)[round(0.005 / timestep_s) - 1 :: round(0.005 / timestep_s)]
+    return np.array(visited)[49::50]
 
 
 def rms_mrad(one: np.ndarray, two: np.ndarray) -> float:

@@ -26,10 +26,10 @@ from footfall.plant.trace import Trace
 QUIET = Noise(joint_position=0.0, joint_velocity=0.0, gyro=0.0, gravity=0.0)
 
 
-def run(steps: list[Any], policy: str = "go1-flat", duration_s: float = 20.0) -> EpisodeOutcome:
+def run(steps: list[Any], duration_s: float = 20.0) -> EpisodeOutcome:
     scenario = Scenario("", 1, duration_s, mission={"steps": steps})
     (plan,) = plan_episodes("errand", scenario, seed=3)
-    return run_task(EpisodeTask(policy, "go1", plan, QUIET, mission_run=mission_run))
+    return run_task(EpisodeTask("go1-flat", "go1", plan, QUIET, mission_run=mission_run))
 
 
 def test_a_mission_steers_and_its_final_position_is_scored() -> None:

@@ -46,9 +46,9 @@ class Drawn:
         """Start of the lines of this colour, along x."""
         return [float(np.asarray(each.get_xdata())[0]) for each in self.lines(colour)]
 
-    def points(self, colour: str, number: int = 0) -> list[list[float]]:
-        """x and y of a line of this colour."""
-        return np.asarray(self.lines(colour)[number].get_xydata()).T.tolist()
+    def points(self, colour: str) -> list[list[float]]:
+        """x and y of the first line of this colour."""
+        return np.asarray(self.lines(colour)[0].get_xydata()).T.tolist()
 
 
 @pytest.fixture

@@ -67,9 +67,9 @@ class MadeUp:
         ]
 
 
-def found(go1: Robot, monkeypatch: pytest.MonkeyPatch, rule, names: tuple[str, ...] = NAMES) -> dict:
+def found(go1: Robot, monkeypatch: pytest.MonkeyPatch, rule) -> dict:
     monkeypatch.setattr(search, "_run", MadeUp(rule).run)
-    return weakest("go1-flat", EvaluationConfig(episodes=6), load_scenarios(go1), names)
+    return weakest("go1-flat", EvaluationConfig(episodes=6), load_scenarios(go1), NAMES)
 
 
 def test_each_disturbance_has_its_figures_in_its_unit(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:

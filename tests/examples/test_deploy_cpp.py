@@ -53,11 +53,11 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "run_policy"
 
 
-def random_steps(robot: Robot, steps: int = 40) -> list[PolicyInput]:
+def random_steps(robot: Robot) -> list[PolicyInput]:
     """Readings of a tumbling robot; the command is to stand for a while in the middle."""
     rng, n = np.random.default_rng(7), len(robot.joint_names)
     found = []
-    for step in range(steps):
+    for step in range(40):
         quaternion = rng.normal(size=4)
         sensed = Sensed(
             rng.normal(size=3),

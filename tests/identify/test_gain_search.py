@@ -21,8 +21,9 @@ TIME_S = np.linspace(0.0, 3.0, 1501)
 CALM, RINGING = Response(0.05, 0.0, False), Response(0.05, 0.5, True)
 
 
-def second_order(damping: float, rad_s: float = 20.0, step: float = -0.05) -> Response:
-    """The response of a mass on a spring."""
+def second_order(damping: float) -> Response:
+    """The response of a mass on a spring to a step of -0.05 rad."""
+    rad_s, step = 20.0, -0.05
     swing = rad_s * math.sqrt(1.0 - damping**2)
     decay = np.exp(-damping * rad_s * TIME_S)
     shape = 1.0 - decay * (np.cos(swing * TIME_S) + damping * rad_s / swing * np.sin(swing * TIME_S))

@@ -20,12 +20,12 @@ def oscillate(numbers: np.ndarray, start: np.ndarray) -> np.ndarray:
     return found
 
 
-def recorded(noise: float = 0.001, count: int = 12) -> Shooting:
+def recorded() -> Shooting:
     """Windows of two recordings, the second three times as long; estimated starts are off."""
     rng = np.random.default_rng(0)
-    start = rng.normal(size=(count, 2)) * (0.3, 2.0)
+    start = rng.normal(size=(12, 2)) * (0.3, 2.0)
     measured = oscillate(TRUTH[:, None], start[None])[0]
-    measured = measured + noise * rng.normal(size=measured.shape)
+    measured = measured + 0.001 * rng.normal(size=measured.shape)
     return Shooting(
         oscillate,
         NUMBERS,
@@ -33,7 +33,7 @@ def recorded(noise: float = 0.001, count: int = 12) -> Shooting:
         np.array([0.001]),
         start + rng.normal(size=start.shape) * (0.003, 0.3),
         np.array([0.003, 0.3]),
-        (np.arange(count) >= count // 4).astype(int),
+        (np.arange(12) >= 3).astype(int),
     )
 
 

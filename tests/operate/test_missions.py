@@ -30,10 +30,10 @@ class Walker:
         self.requests: list[Request] = []
         self.charge, self._hold = 1.0, hold
 
-    def run(self, limit_s: float = 300.0) -> "Walker":
+    def run(self) -> "Walker":
         while not self.source.progress.outcome:
             self.step()
-            assert self.time_s < limit_s, self.source.progress
+            assert self.time_s < 300.0, self.source.progress
         return self
 
     def step(self) -> None:

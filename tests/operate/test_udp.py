@@ -18,15 +18,15 @@ TOKEN = "a token of the tests, shared"
 class Sender:
     """A holder of a token, without a network."""
 
-    def __init__(self, receiver: Receiver, token: str = TOKEN) -> None:
-        self._receiver, self._token = receiver, token
+    def __init__(self, receiver: Receiver) -> None:
+        self._receiver = receiver
         self.head = {"sender": "s", "number": 0, "challenge": "", "name": "planner"}
         self.sent = b""
 
     def send(self, **request: object) -> str:
         """The refusal; 'no reply' without one."""
         self.head["number"] = int(self.head["number"]) + 1
-        self.sent = pack(self.head | request, self._token, REQUEST)
+        self.sent = pack(self.head | request, TOKEN, REQUEST)
         return self.again(self.sent)
 
     def again(self, datagram: bytes) -> str:

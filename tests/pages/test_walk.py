@@ -71,7 +71,7 @@ class TestPace:
 class Visitor:
     """A fake page whose visitor acts after each frame; its clock advances while the walk waits."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, max_frames: int = 300) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s, self.frames, self.texts = 1000.0, 0, [""]
         self.shown: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # base velocity, command, velocity
         self.command = np.array([0.5, 0.0, 0.0])
@@ -81,7 +81,6 @@ class Visitor:
         self.problem, self.exporting, self.requested = "", None, False
         self.offered: list[Any] = []
         self.after_frame: Callable[[int], None] = lambda frame: None
-        self.max_frames = max_frames
         monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: self.now_s, sleep=self.sleep))
 
     def sleep(self, time_s: float) -> None:
@@ -122,7 +121,7 @@ class Visitor:
         self.frames += 1
         self.shown.append((data.qvel[:3].copy(), moment.command, velocity))
         self.after_frame(self.frames)
-        self.requested |= self.frames >= self.max_frames
+        self.requested |= self.frames >= 300
 
     def walk(self, run: Path, robot: Robot) -> None:
         """Run until the visitor leaves."""

@@ -18,14 +18,11 @@ class TestAudit:
     def audit(self, go1: Robot) -> Audit:
         return Audit(go1, wiring_of(go1), 0.002)
 
-    def update(
-        self, go1: Robot, audit: Audit, position: np.ndarray, kp: Any, velocity: np.ndarray | None = None
-    ) -> None:
-        """The robot is in its default pose, at rest unless given otherwise."""
+    def update(self, go1: Robot, audit: Audit, position: np.ndarray, kp: Any) -> None:
+        """The robot is at rest in its default pose."""
         values = np.zeros((5, 12))
         values[0], values[2] = position, kp
-        moves = np.zeros(12) if velocity is None else velocity
-        audit.update(open_driver(wiring_of(go1)).command(values), go1.default_pose, moves)
+        audit.update(open_driver(wiring_of(go1)).command(values), go1.default_pose, np.zeros(12))
 
     def test_torque_beyond_a_motors_peak_is_reported_as_a_share(self, go1: Robot, audit: Audit) -> None:
         off = go1.default_pose.copy()

@@ -25,8 +25,8 @@ def batch(number: int, time_us: int | None = None, k: int = 1) -> Frames:
     return Frames(np.zeros(k, int), np.full(k, 0x100), data, np.full(k, 8), times)
 
 
-def of_imu(reading: imu.Inertial = READING, counter: int = 7) -> Frames:
-    return Frames(np.zeros(3, int), np.array(imu.IDS), imu.encode(reading, counter), np.full(3, 8))
+def of_imu(counter: int = 7) -> Frames:
+    return Frames(np.zeros(3, int), np.array(imu.IDS), imu.encode(READING, counter), np.full(3, 8))
 
 
 def numbers(batches: list[Frames]) -> list[int]:

@@ -60,16 +60,9 @@ class Stand:
         self.end = End()
         self.motors = SimulatedMotors(self.end, MOTOR, 3, Sample(**sample), 0.001, timeout_s=0.02, net=net)
 
-    def ask(
-        self,
-        step: int,
-        motor: Motors,
-        kind: list[Request] | None,
-        values: np.ndarray,
-        readings: np.ndarray = READINGS,
-    ) -> Frames | None:
+    def ask(self, step: int, motor: Motors, kind: list[Request] | None, values: np.ndarray) -> Frames | None:
         self.end.next = Requests(motor, values.copy(), None if kind is None else np.array(kind))
-        return self.motors.answer(step, NO_FRAMES, readings)
+        return self.motors.answer(step, NO_FRAMES, READINGS)
 
     def on(self, step: int = 0, *motors: int) -> Frames | None:
         which = np.array(motors or (0, 1, 2))
@@ -79,8 +72,8 @@ class Stand:
         return self.motors.torque(step, POSITION, VELOCITY)
 
 
-def torque_of(values: np.ndarray, bias: np.ndarray | float = 0.0) -> np.ndarray:
-    return motor_torque(JointCommand(*values), POSITION + bias, VELOCITY, MOTOR)
+def torque_of(values: np.ndarray) -> np.ndarray:
+    return motor_torque(JointCommand(*values), POSITION, VELOCITY, MOTOR)
 
 
 class TestMotors:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from made_up import BIPED, FIVE, SOLES
 from moments import readings
-from scipy.spatial.transform import Rotation
 
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.gait import GaitConfig
@@ -19,17 +18,17 @@ from footfall.robots.description import Robot, load_robot
 GO1 = load_robot("go1")
 
 
-def at_rest(robot: Robot, roll: float = 0.0) -> Sensed:
+def at_rest(robot: Robot) -> Sensed:
     """Inputs of a robot in its default pose whose legs carry 40 N each."""
     legs = robot.legs
     force = np.tile([0.0, 0.0, 40.0], (legs.count, 1))
     load = legs.scatter(legs.torque(legs.pose(robot.default_pose).jacobian, force), np.zeros_like(robot.kp))
-    return readings(robot, Rotation.from_rotvec([roll, 0.0, 0.0]), torque=load)
+    return readings(robot, torque=load)
 
 
-def seen(robot: Robot, time_s: float, command: float = 0.0, roll: float = 0.0) -> PolicyInput:
+def seen(robot: Robot, time_s: float, command: float = 0.0) -> PolicyInput:
     height = float(-robot.legs.default_foot[:, 2].mean())
-    return PolicyInput(time_s, at_rest(robot, roll), np.array([command, 0.0, 0.0]), np.zeros(3), height)
+    return PolicyInput(time_s, at_rest(robot), np.array([command, 0.0, 0.0]), np.zeros(3), height)
 
 
 def tips(robot: Robot, policy: Policy, inputs: PolicyInput) -> np.ndarray:

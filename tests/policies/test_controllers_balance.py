@@ -45,24 +45,24 @@ def seen(time_s: float = 9.0, crouch: float = 0.0, **more: Any) -> PolicyInput:
 class TestCentre:
     """The desired acceleration of the centre of mass."""
 
-    def at(self, policy: Balance, offset: Any, velocity: Any, height: float) -> np.ndarray:
+    def at(self, policy: Balance, offset: Any, velocity: Any) -> np.ndarray:
         """Feet 0.3 m apart, whose middle is not at the origin."""
         foot = np.array([[1.0, 0.15, 0.2], [1.0, -0.15, 0.2]])
         centre = np.add(offset, (1.0, 0.0, 0.2))
         dynamics = SimpleNamespace(
             centre=centre, middle=foot.mean(axis=0), centre_velocity=np.array(velocity)
         )
-        return policy._centre(dynamics, height)  # type: ignore[arg-type]
+        return policy._centre(dynamics, 0.6)  # type: ignore[arg-type]
 
     def test_the_pressure_lies_beyond_the_capture_point_within_its_limit(self, policy: Balance) -> None:
         """Capture point x = c + v / w, pressure p = 1.5 x up to 0.2 m, and acceleration w^2 (c - p)."""
         rate = math.sqrt(9.81 / policy.com_height_m)
         capture = np.array([0.02 + 0.1 / rate, -0.01 - 0.05 / rate])
         expected = rate**2 * (np.array([0.02, -0.01]) - 1.5 * capture)
-        found = self.at(policy, (0.02, -0.01, 0.6), (0.1, -0.05, 0.0), 0.6)
+        found = self.at(policy, (0.02, -0.01, 0.6), (0.1, -0.05, 0.0))
         np.testing.assert_allclose(found, [*expected, 0.0], atol=1e-12)
         fast = np.array([1.2, 0.5, 0.0])  # a fall forward and a little to the left
-        found = self.at(policy, (0.0, 0.0, 0.6), fast, 0.6)
+        found = self.at(policy, (0.0, 0.0, 0.6), fast)
         np.testing.assert_allclose(found[:2], -(rate**2) * 0.2 * fast[:2] / 1.3)
 
 

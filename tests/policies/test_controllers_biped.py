@@ -109,14 +109,14 @@ class TestStep:
         np.testing.assert_allclose(over_half_a_circle, earlier, atol=1e-4)
 
     @staticmethod
-    def turned(heading: float, rate: float = 1.0, seconds: float = 2.1) -> np.ndarray:
-        """The commands (ticks, 5, n) while the body turns from a heading at a rate, rad/s."""
+    def turned(heading: float) -> np.ndarray:
+        """The commands (ticks, 5, n) while the body turns from a heading at 1 rad/s."""
         policy, commands = Step(G1), []
         toes_out = G1.default_pose.copy()
         for side, angle in (("left", 0.15), ("right", -0.15)):
             toes_out[G1.joint_names.index(f"{side}_hip_yaw_joint")] = angle
-        for time_s in np.arange(0.0, seconds, 1.0 / policy.rate_hz):
-            turn, spin = Rotation.from_euler("z", heading + rate * time_s), (0.0, 0.0, rate)
+        for time_s in np.arange(0.0, 2.1, 1.0 / policy.rate_hz):
+            turn, spin = Rotation.from_euler("z", heading + time_s), (0.0, 0.0, 1.0)
             found = {"turn": turn, "gyro": spin, "joint": toes_out}
             seen = policy_input(G1, float(time_s), spin, STILL, G1.description.standing_height_m, **found)
             if time_s == 0.0:

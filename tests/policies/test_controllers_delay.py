@@ -16,14 +16,14 @@ JOINTS = len(ROBOT.joint_names)
 TICK_S = 0.002
 
 
-def measured(delay_ticks: int, change_nm: float, ticks: int = 200, noise_nm: float = 0.02) -> int:
+def measured(delay_ticks: int, change_nm: float) -> int:
     """Measured delay, in ticks, of motors that follow the command sent `delay_ticks` before the last one."""
     rng = np.random.default_rng(0)
     delay, sent, still = CommandDelay(ROBOT.motor, TICK_S), [], np.zeros(JOINTS)
-    for tick in range(ticks):
+    for tick in range(200):
         position = ROBOT.default_pose + 0.005 * change_nm * np.sin(0.1 * tick)
         active = sent[max(0, tick - 1 - delay_ticks)] if sent else JointCommand(*np.zeros((5, JOINTS)))
-        torque = motor_torque(active, position, still, ROBOT.motor) + noise_nm * rng.standard_normal(JOINTS)
+        torque = motor_torque(active, position, still, ROBOT.motor) + 0.02 * rng.standard_normal(JOINTS)
         delay.measure(readings(ROBOT, joint=position, torque=torque))
         wave = change_nm * np.sin(0.13 * tick + np.arange(JOINTS))
         sent.append(JointCommand(position, still, np.full(JOINTS, 20.0), np.full(JOINTS, 1.0), wave))

@@ -28,12 +28,10 @@ STILL = np.zeros(3)
 HEIGHT = float(LEGS.foot_radius.mean() - LEGS.default_foot[:, 2].mean())  # of the base, in the default pose
 
 
-def standing(
-    yaw: float = 0.0, time_s: float = 0.0, command: Any = (0.0, 0.0, 0.0), velocity: Any = STILL
-) -> PolicyInput:
-    """Inputs of a robot in its default pose, level, with a base velocity in the body frame."""
+def standing(yaw: float = 0.0, time_s: float = 0.0, command: Any = (0.0, 0.0, 0.0)) -> PolicyInput:
+    """Inputs of a robot in its default pose, level and at rest."""
     height = HEIGHT - LEGS.foot_radius[0]
-    return policy_input(ROBOT, time_s, command, velocity, height, turn=Rotation.from_euler("z", yaw))
+    return policy_input(ROBOT, time_s, command, STILL, height, turn=Rotation.from_euler("z", yaw))
 
 
 def forces(command: JointCommand) -> np.ndarray:

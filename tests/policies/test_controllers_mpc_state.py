@@ -97,10 +97,10 @@ def test_a_swing_moves_from_lift_off_to_landing_in_its_time(progress: float) -> 
         np.testing.assert_allclose(position, [0.25, -0.05, 0.01 + 0.08])
 
 
-def base_of(turn: Rotation = TILTED, point: complex = 0.3 - 0.2j, height: float = 0.28) -> Base:
-    yaw, pitch, roll = turn.as_euler("ZYX")
+def base_of() -> Base:
+    yaw, pitch, roll = TILTED.as_euler("ZYX")
     velocity, gyro = np.array([0.4, -0.3, 0.1]), np.array([0.5, -0.7, 0.9])
-    return Base(point, height, velocity, turn.as_matrix(), gyro, roll, pitch, yaw)
+    return Base(0.3 - 0.2j, 0.28, velocity, TILTED.as_matrix(), gyro, roll, pitch, yaw)
 
 
 @pytest.fixture

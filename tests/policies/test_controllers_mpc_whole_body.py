@@ -29,9 +29,11 @@ def hold(command: tuple[float, float, float], _: float) -> np.ndarray:
     return np.array(command)
 
 
-def moving(time_s: float = 0.0, command: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> PolicyInput:
+def moving() -> PolicyInput:
     """Inputs of a tilted robot in its default pose, with base and joints in motion."""
-    return policy_input(ROBOT, time_s, command, VELOCITY, 0.26, turn=TILTED, gyro=GYRO, velocity=RATES)
+    return policy_input(
+        ROBOT, base_velocity=VELOCITY, base_height=0.26, turn=TILTED, gyro=GYRO, velocity=RATES
+    )
 
 
 @pytest.fixture

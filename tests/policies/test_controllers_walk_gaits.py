@@ -27,16 +27,16 @@ MOVING = [0.08, -0.05, 0.2]
 ALL = [True] * 6
 
 
-def cycle(gait: str, period_s: float = 1.3) -> FootCycle:
+def cycle(gait: str) -> FootCycle:
     duty, phase = find_gait(gait, ROBOT)
-    return FootCycle(STILL, GaitTiming(period_s, duty), phase)
+    return FootCycle(STILL, GaitTiming(1.3, duty), phase)
 
 
-def course(feet: FootCycle, seconds: float, dt_s: float = 0.001) -> tuple[np.ndarray, np.ndarray]:
-    """Feet (ticks, feet, 3) and whether they swing (ticks, feet)."""
+def course(feet: FootCycle, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """Feet (ticks, feet, 3) and whether they swing (ticks, feet), each millisecond."""
     positions, swings = [], []
-    for _ in range(round(seconds / dt_s)):
-        feet.advance(MOVING, dt_s, 0.03, ALL)
+    for _ in range(round(seconds / 0.001)):
+        feet.advance(MOVING, 0.001, 0.03, ALL)
         positions.append(feet.feet.copy())
         swings.append(feet.swings.copy())
     return np.array(positions), np.array(swings)

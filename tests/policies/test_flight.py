@@ -21,13 +21,13 @@ from footfall.robots.mjcf import load_spec
 ROBOT = load_robot("go1")
 
 
-def run(policy: Policy, command: tuple[float, float, float], duration_s: float = 1.7) -> Trace:
+def run(policy: Policy, command: tuple[float, float, float]) -> Trace:
     """A run of the policy on a randomised robot."""
     rng = np.random.default_rng(2)
     sample = draw(randomisation_of(ROBOT), rng.random, 12, load_spec(ROBOT.xml_path).compile().nbody - 1)
     episode = Episode(
         command_source=lambda _: np.array(command),
-        duration_s=duration_s,
+        duration_s=1.7,
         sample=sample,
         noise=load_scenarios(ROBOT).noise,
         record_rate_hz=250.0,

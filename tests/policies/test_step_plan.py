@@ -26,7 +26,7 @@ LIMITS = StepLimits(
 WEIGHTS = StepWeights(place=1.0, time=0.02, offset=300.0)
 
 
-def pendulum(capture: np.ndarray, last: np.ndarray, duration_s: float, begin_s: float = 0.0) -> np.ndarray:
+def pendulum(capture: np.ndarray, last: np.ndarray, duration_s: float) -> np.ndarray:
     """The capture point relative to the new foot, by integration.
 
     The pressure moves there from the last foot.
@@ -37,7 +37,7 @@ def pendulum(capture: np.ndarray, last: np.ndarray, duration_s: float, begin_s: 
         return RATE * (x - pressure)
 
     kwargs = {"rtol": 1e-10, "atol": 1e-12, "max_step": 0.01}
-    return solve_ivp(rate, (begin_s, begin_s + duration_s), capture, **kwargs).y[:, -1]
+    return solve_ivp(rate, (0.0, duration_s), capture, **kwargs).y[:, -1]
 
 
 def test_the_capture_point_under_a_moving_pressure() -> None:
@@ -50,29 +50,23 @@ def test_the_capture_point_under_a_moving_pressure() -> None:
 class TestNextStep:
     nominal = nominal_step(np.array([0.25, 0.05]), -1.0, 0.22, STEP_S, BOTH_S, RATE)
 
+    # The capture point in the steady gait after 0.2 s, with the pressure under the middle of the foot.
+    STEADY = (nominal.foothold + nominal.offset) * math.exp(-RATE * (STEP_S - 0.2))
+
     def decide(
-        self,
-        capture: np.ndarray,
-        elapsed_s: float = 0.2,
-        remaining_m: float = 0.1,
-        pressure: tuple[float, float] = (0.01, 0.0),
+        self, capture: np.ndarray, elapsed_s: float = 0.2, pressure: tuple[float, float] = (0.01, 0.0)
     ) -> NextStep:
         p = np.array(pressure)
-        return next_step(capture, p, elapsed_s, remaining_m, -1.0, RATE, self.nominal, LIMITS, WEIGHTS)
-
-    def steady(self, elapsed_s: float) -> np.ndarray:
-        """The capture point in the steady gait, with the pressure under the middle of the foot."""
-        end = self.nominal.foothold + self.nominal.offset
-        return end * math.exp(-RATE * (STEP_S - elapsed_s))
+        return next_step(capture, p, elapsed_s, 0.1, -1.0, RATE, self.nominal, LIMITS, WEIGHTS)
 
     def test_an_undisturbed_step_is_the_nominal_step(self) -> None:
-        step = self.decide(self.steady(0.2), pressure=(0.0, 0.0))
+        step = self.decide(self.STEADY, pressure=(0.0, 0.0))
         np.testing.assert_allclose(step.foothold, self.nominal.foothold, atol=1e-6)
         assert step.remaining_s == pytest.approx(STEP_S - 0.2, abs=1e-6)
 
     @pytest.mark.parametrize("push", [(0.03, 0.0), (-0.04, 0.01), (0.0, -0.02), (0.02, 0.015)])
     def test_a_disturbed_step_minimises_the_cost(self, push: tuple[float, float]) -> None:
-        capture = self.steady(0.2) + np.array(push)
+        capture = self.STEADY + np.array(push)
         step = self.decide(capture)
         away = capture - np.array([0.01, 0.0])
         growth = math.exp(RATE * (STEP_S - 0.2))
@@ -97,7 +91,7 @@ class TestNextStep:
 
     @pytest.mark.parametrize(("push", "left"), [(-0.3, -0.35), (0.3, -0.14)])
     def test_the_right_foot_lands_at_its_sideways_limits(self, push: float, left: float) -> None:
-        assert self.decide(self.steady(0.2) + np.array([0.0, push])).foothold[1] == pytest.approx(left)
+        assert self.decide(self.STEADY + np.array([0.0, push])).foothold[1] == pytest.approx(left)
 
     def test_nan_gives_the_nominal_step(self) -> None:
         step = self.decide(np.array([np.nan, 0.0]))

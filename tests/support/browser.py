@@ -72,9 +72,9 @@ class Tab:
     def text(self) -> str:
         return str(self.value("document.body ? document.body.innerText : ''"))
 
-    def wait_for(self, condition: "Callable[[Tab], bool]", limit_s: float = 90.0) -> None:
-        """Wait until a condition holds; an AssertionError shows the page's content instead."""
-        end = time.monotonic() + limit_s
+    def wait_for(self, condition: "Callable[[Tab], bool]") -> None:
+        """Wait until a condition holds; after 90 s an AssertionError shows the page's content instead."""
+        end = time.monotonic() + 90.0
         while not condition(self):
             assert time.monotonic() < end, f"{self.text!r}, complaints: {self.complaints}"
             time.sleep(0.2)

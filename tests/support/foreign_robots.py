@@ -10,7 +10,6 @@ from footfall.robots.importer.read import read_source
 from footfall.robots.importer.source import Source
 
 HIPS = {"FL": (0.21, 0.11), "FR": (0.21, -0.11), "RL": (-0.24, 0.13), "RR": (-0.24, -0.13)}
-TAIL = {"TL": (-0.3, -0.01)}  # a fifth leg, whose foot is in the middle plane
 BALL = '<collision><origin xyz="0 0 -0.2"/><geometry><sphere radius="0.02"/></geometry></collision>'
 
 
@@ -23,7 +22,6 @@ def quadruped(
     foot: str = BALL,
     shank_mass: float = 0.37,
     upside_down: bool = False,
-    tail: bool = False,
 ) -> str:
     """A URDF: roll, hip and knee on each leg, no two legs alike in mass; between roll and hip is no mass.
 
@@ -39,7 +37,7 @@ def quadruped(
         _joint("arm", "trunk", "arm_link", "0.2 0.01 0.1", limit='<limit lower="0.4" upper="2" effort="5"/>'),
     ]
     down = 1.0 if upside_down else -1.0
-    for index, (leg, (x, y)) in enumerate((HIPS | TAIL if tail else HIPS).items()):
+    for index, (leg, (x, y)) in enumerate(HIPS.items()):
         knee = knee_limit or f'<limit lower="-2.3{index}" upper="-0.4" effort="23" velocity="17"/>'
         at = f"0.01 0 {down * 0.2}"
         shank = foot.replace('"0 0 -0.2"', f'"0 0 {down * 0.2}"')
@@ -142,10 +140,10 @@ def make(tmp_path: Path, text: str, suffix: str = "urdf", **options: object) -> 
     return load_robot(made.folder), made
 
 
-def hanging(name: str, y: float, length: float, inner: str = "", joint: str = "") -> str:
+def hanging(name: str, y: float, length: float, inner: str = "") -> str:
     """A limb of one hinge with a sphere at its end."""
     return f"""<body name="{name}" pos="0 {y} 0"><joint name="{name}_joint" axis="0 1 0" range="-1 1"/>
-      <geom name="{name}_sphere" size="0.02" pos="0 0 {0.02 - length}" mass="0.3"/>{joint}{inner}</body>"""
+      <geom name="{name}_sphere" size="0.02" pos="0 0 {0.02 - length}" mass="0.3"/>{inner}</body>"""
 
 
 def on_base(*limbs: str, extra: str = "") -> str:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 from deploy_policies import stand_still
 from frame_robot import TICK_US, FrameRobot, Ticks
@@ -95,15 +94,11 @@ def loop_of(robot: Robot, policy: Any, *args: Any, **settings: Any) -> tuple[Con
     return loop_on(robot, policy, body, *args, **settings), body
 
 
-def simulated_loop(
-    robot: Robot, policy: Policy, pose: np.ndarray | None = None, **settings: Any
-) -> ControlLoop:
-    """A loop on a simulated robot that stands in a pose, by default the default pose."""
+def simulated_loop(robot: Robot, policy: Policy, **settings: Any) -> ControlLoop:
+    """A loop on a simulated robot that stands in the default pose."""
     wiring = wiring_of(robot)
     wires = SimulatedWires(wiring.buses)
     body = SimulatedRobot(robot, wiring, wires)
-    if pose is not None:
-        body.data.qpos[7:] = pose
     settings = {"stand_s": 0.1, "pose_rate_rad_s": 100.0, **settings}
     return loop_on(robot, policy, SimulatedBus(wires, body), **settings)
 

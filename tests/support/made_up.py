@@ -38,10 +38,10 @@ class Leg(NamedTuple):
     foot: Sequence[str] = BALL  # attributes of its geoms
 
 
-def write_robot(folder: Path, legs: Sequence[Leg], mass: float = 4.0) -> Robot:
+def write_robot(folder: Path, legs: Sequence[Leg]) -> Robot:
     """A robot of a box and legs, written to a folder and loaded from there."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "robot.xml").write_text(_mjcf(legs, mass))
+    (folder / "robot.xml").write_text(_mjcf(legs))
     content = _declaration(legs)
     description = structure(content, Description, "made up")
     height = touching_height(description, load_spec(folder / "robot.xml").compile())
@@ -50,11 +50,11 @@ def write_robot(folder: Path, legs: Sequence[Leg], mass: float = 4.0) -> Robot:
     return load_robot(folder)
 
 
-def _mjcf(legs: Sequence[Leg], mass: float) -> str:
+def _mjcf(legs: Sequence[Leg]) -> str:
     bodies = "\n".join(_body(leg, 0, leg.at) for leg in legs)
     return f"""<mujoco><compiler angle="radian" autolimits="true"/><worldbody>
       <body name="box" pos="0 0 1"><freejoint/><site name="imu" pos="0.02 0.01 0.03"/>
-      <geom type="box" size="0.12 0.08 0.04" mass="{mass}"/>{bodies}</body></worldbody></mujoco>"""
+      <geom type="box" size="0.12 0.08 0.04" mass="4.0"/>{bodies}</body></worldbody></mujoco>"""
 
 
 def _body(leg: Leg, index: int, at: Vector) -> str:

@@ -35,8 +35,8 @@ GOOD = EpisodeMetrics(
 
 
 def outcome(
-    metrics: EpisodeMetrics = GOOD, push: float | None = None, trouble: str = "", **changes: Any
+    metrics: EpisodeMetrics = GOOD, push: float | None = None, **changes: Any
 ) -> TaskResult[EpisodeOutcome]:
     levels = {} if push is None else {"push_m_s": push, "push_direction_deg": 0.0}
-    plain = EpisodeOutcome(metrics, levels, np.array([0.1, 0.2, 30.0]), 20.0, trouble, (), None)
+    plain = EpisodeOutcome(metrics, levels, np.array([0.1, 0.2, 30.0]), 20.0, "", (), None)
     return TaskResult(replace(plain, **changes))

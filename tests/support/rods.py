@@ -16,7 +16,6 @@ def rod_machine(torque_free: Sequence[Hinge], legs: tuple[Leg, ...] = ()) -> Mac
     return Machine("m", (base, link), legs, np.zeros(3))
 
 
-def hinge(name: str, span: float = 2.0, armature: float = 0.01, friction: float = 0.0) -> Hinge:
-    return Hinge(
-        name, np.array([0.0, 1.0, 0.0]), np.zeros(3), -0.25 * span, 0.75 * span, 0.0, armature, 0.0, friction
-    )
+def hinge(name: str, span: float = 2.0) -> Hinge:
+    axis, lower, upper = np.array([0.0, 1.0, 0.0]), -0.25 * span, 0.75 * span
+    return Hinge(name, axis, np.zeros(3), lower, upper, 0.0, 0.01, 0.0, 0.0)

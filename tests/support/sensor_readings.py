@@ -30,9 +30,9 @@ def swing(time_s: float) -> tuple[float, float]:
 class JointReadings:
     """Feeds a robot's joint readings to some checks, window by window."""
 
-    def __init__(self, robot: Robot, *checks: type[JointCheck], tick_s: float = 0.002) -> None:
+    def __init__(self, robot: Robot, *checks: type[JointCheck]) -> None:
         self.n = len(robot.joint_names)
-        self.windows = JointWindows(self.n, LIMITS.period_s, tick_s)
+        self.windows = JointWindows(self.n, LIMITS.period_s, 0.002)
         self.checks = [check(robot, LIMITS, self.windows.sample_s) for check in checks]
         self.values = np.zeros((len(checks), self.n))  # of the last window
         self.zeros = np.zeros(self.n)
@@ -77,8 +77,8 @@ def measured(
 ) -> np.ndarray:
     """Final value of a check for a robot whose joint 0 moves, (n,).
 
-    `torque` gives the reported and the expected torque of that joint, N m. A sample whose number is in
-    `lost` changes neither the reading nor its time of arrival.
+    `torque` gives the reported and the expected torque of that joint, as shares of its peak torque. A sample
+    whose number is in `lost` changes neither the reading nor its time of arrival.
     """
     result, arrived_us = JointReadings(robot, check), np.zeros(len(robot.joint_names), np.int64)
     joints = np.zeros((3, result.n))
@@ -90,7 +90,7 @@ def measured(
         if not lost(k):
             joints, arrived_us = joints.copy(), np.full(result.n, k * SAMPLE_US)
             joints[:2, 0] = reading(time_s)
-            joints[2, 0], expected[0] = torque(time_s)
+            joints[2, 0], expected[0] = robot.motor.peak_torque[0] * np.array(torque(time_s))
         result.add(k * SAMPLE_US, joints, arrived_us, expected, stiffness, target(time_s))
     return result.values[0]
 

@@ -45,9 +45,9 @@ def abilities(policy: str) -> Abilities:
     return Abilities(LIMITS, OFFER)
 
 
-def polled_until(inbox: Inbox, holds: Callable[[Request], object], limit_s: float = 30.0) -> Request:
-    """Poll as a loop does until a request is as expected; fails after a while."""
-    deadline_s = time.monotonic() + limit_s
+def polled_until(inbox: Inbox, holds: Callable[[Request], object]) -> Request:
+    """Poll as a loop does until a request is as expected; fails after 30 s."""
+    deadline_s = time.monotonic() + 30.0
     while not holds(request := inbox.poll(WALKING)):
         assert time.monotonic() < deadline_s, request
         time.sleep(0.005)

@@ -15,11 +15,11 @@ from footfall.train.export import export
 INPUTS, HIDDEN, ACTIONS = 110, 8, 12  # the first and the last as in the contract
 
 
-def actor(scale: float = 2.0, shift: float = 0.0) -> Actor:
+def actor(shift: float = 0.0) -> Actor:
     """A small ELU network, and its declared outputs, which may be shifted."""
     rng = np.random.default_rng(0)
     mean = np.linspace(-1.0, 1.0, INPUTS, dtype=np.float32)
-    deviation = np.full(INPUTS, scale, np.float32)
+    deviation = np.full(INPUTS, 2.0, np.float32)
     sizes = ((INPUTS, HIDDEN), (HIDDEN, ACTIONS))
     layers = tuple(
         (rng.normal(0.0, 0.1, size).astype(np.float32), rng.normal(size=size[1]).astype(np.float32))

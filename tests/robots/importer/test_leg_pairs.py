@@ -1,7 +1,6 @@
 """Capsule pairs of an imported robot."""
 
 from pathlib import Path
-from typing import NamedTuple
 
 from foreign_robots import on_base, read
 
@@ -15,38 +14,30 @@ from footfall.robots.importer.shapes import Kind
 from footfall.robots.model import training_model
 
 
-class Hip(NamedTuple):
-    name: str
-    x: float
-    y: float
-
-
-def walker(*hips: Hip, roll: str = "-0.8 0.8") -> str:
+def walker(*hips: tuple[str, float, float]) -> str:
     """A robot with legs of two links of 0.2 m: a shank with a radius of 1 cm ends in a sphere of 2 cm."""
     return on_base(
         *(
-            f"""<body name="{hip.name}_thigh" pos="{hip.x} {hip.y} 0">
-              <joint name="{hip.name}_roll" axis="1 0 0" range="{roll}"/>
-              <joint name="{hip.name}_hip" axis="0 1 0" range="-0.5 2"/>
+            f"""<body name="{name}_thigh" pos="{x} {y} 0">
+              <joint name="{name}_roll" axis="1 0 0" range="-0.8 0.8"/>
+              <joint name="{name}_hip" axis="0 1 0" range="-0.5 2"/>
               <geom type="capsule" fromto="0 0 -.03 0 0 -.15" size="0.01" mass="0.2"/>
-              <body name="{hip.name}_shank" pos="0 0 -0.2">
-                <joint name="{hip.name}_knee" axis="0 1 0" range="-2 -0.4"/>
+              <body name="{name}_shank" pos="0 0 -0.2">
+                <joint name="{name}_knee" axis="0 1 0" range="-2 -0.4"/>
                 <geom type="capsule" fromto="0 0 -.02 0 0 -.17" size="0.01" mass="0.05"/>
-                <geom name="{hip.name}_foot" size="0.02" pos="0 0 -0.2" mass="0.05"/></body></body>"""
-            for hip in hips
+                <geom name="{name}_foot" size="0.02" pos="0 0 -0.2" mass="0.05"/></body></body>"""
+            for name, x, y in hips
         )
     )
 
 
-def square(length: float, width: float) -> str:
-    corners = (("fl", 1, 1), ("fr", 1, -1), ("rl", -1, 1), ("rr", -1, -1))
-    return walker(*(Hip(name, x * length / 2, y * width / 2) for name, x, y in corners))
+CORNERS = (("fl", 0.45, 0.075), ("fr", 0.45, -0.075), ("rl", -0.45, 0.075), ("rr", -0.45, -0.075))
 
 
-def paired(tmp_path: Path, text: str, seed: int = 0) -> LegPairs:
+def paired(tmp_path: Path, text: str) -> LegPairs:
     source = read(tmp_path, text)
     machine, _ = build_machine(source, "m")
-    return with_leg_pairs(machine, standing_pose(machine, source.pose_rad), seed)
+    return with_leg_pairs(machine, standing_pose(machine, source.pose_rad), 0)
 
 
 def made(tmp_path: Path, text: str) -> tuple[Robot, list[str]]:
@@ -65,12 +56,12 @@ def names(pairs: LegPairs) -> set[frozenset[str]]:
 
 def test_only_legs_that_can_touch_each_other_are_paired(tmp_path: Path) -> None:
     """Hips are 0.15 m apart across and 0.9 m along the robot; legs are 0.4 m long."""
-    found = paired(tmp_path, square(0.9, 0.15))
+    found = paired(tmp_path, walker(*CORNERS))
     assert names(found) == {frozenset({"fl_shank", "fr_shank"}), frozenset({"rl_shank", "rr_shank"})}
 
 
 def test_an_imported_robot_trains_with_its_pairs_which_touch_only_each_other(tmp_path: Path) -> None:
-    robot, result = made(tmp_path, square(0.9, 0.15))
+    robot, result = made(tmp_path, walker(*CORNERS))
     model = training_model(robot)
     assert model.npair == 2
     assert set(model.pair_dim.tolist()) == {1}
@@ -88,8 +79,7 @@ def test_an_imported_robot_trains_with_its_pairs_which_touch_only_each_other(tmp
 
 def test_there_are_no_more_pairs_than_capsules(tmp_path: Path) -> None:
     """Eight legs close to each other on a small base make 28 pairs."""
-    hips = [
-        Hip(f"{side}{k}", 0.14 * (k - 1.5), y) for side, y in (("l", 0.06), ("r", -0.06)) for k in range(4)
-    ]
+    sides = (("l", 0.06), ("r", -0.06))
+    hips = [(f"{side}{k}", 0.14 * (k - 1.5), y) for side, y in sides for k in range(4)]
     found = paired(tmp_path, walker(*hips))
     assert len(found.pairs) == 8

@@ -1,6 +1,5 @@
 """The default pose of an imported robot."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -13,9 +12,8 @@ from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.importer.pose import LegSearch, Pose, standing_pose
 
 
-def walker(*, knee: str = "-2 -0.4", more: str = "", legs: Sequence[tuple[str, float, float]] = ()) -> str:
+def walker(knee: str = "-2 -0.4") -> str:
     """Legs of two links of 0.2 m with spheres of 0.02 m, hips at the height of the base's origin."""
-    positions = legs or (("fl", 0.2, 0.1), ("fr", 0.2, -0.1), ("rl", -0.2, 0.1), ("rr", -0.2, -0.1))
     limbs = "".join(
         f"""<body name="{name}_thigh" pos="{x} {y} 0">
           <joint name="{name}_roll" axis="1 0 0" range="-0.8 0.8"/>
@@ -23,9 +21,9 @@ def walker(*, knee: str = "-2 -0.4", more: str = "", legs: Sequence[tuple[str, f
           <geom type="capsule" fromto="0 0 -.03 0 0 -.15" size="0.01" mass="0.2"/>
           <body name="{name}_shank" pos="0 0 -0.2"><joint name="{name}_knee" axis="0 1 0" range="{knee}"/>
             <geom name="{name}_foot" size="0.02" pos="0 0 -0.2" mass="0.05"/></body></body>"""
-        for name, x, y in positions
+        for name, x, y in (("fl", 0.2, 0.1), ("fr", 0.2, -0.1), ("rl", -0.2, 0.1), ("rr", -0.2, -0.1))
     )
-    return on_base(limbs, more)
+    return on_base(limbs)
 
 
 class TestPose:

@@ -23,12 +23,12 @@ class FrameLimits(NamedTuple):
 
 
 class TestRobotYaml:
-    def chosen(self, armature: float = 0.01, **known: FrameLimits) -> tuple[dict[str, str], list[str]]:
+    def chosen(self, **known: FrameLimits) -> tuple[dict[str, str], list[str]]:
         """The protocol chosen for a motor of 20 N m and 30 rad/s with gains of 8 Hz, critically damped.
 
         The gains are kp 25.3 and kd 1.005.
         """
-        machine = rod_machine([hinge("a", armature=armature)])
+        machine = rod_machine([hinge("a")])
         drive = Drive({"a": JointMotor(20.0, 30.0, 0.2)}, 8.0, 0.3, True, ())
         return choose_protocols(machine, drive, known)
 
@@ -46,9 +46,9 @@ class TestRobotYaml:
         assert chosen == ({"a": "c"}, [])
         assert self.chosen(a=lacking, b=FrameLimits(18.0)) == ({"a": "a"}, ["a"])
 
-    def text(self, legs: int = 2, hinges: int = 9) -> list[str]:
-        names = [f"j{k}" for k in range(hinges)]
-        own = tuple(Leg(f"leg {k}", tuple(names[1 + 4 * k : 5 + 4 * k]), 1, (f"g{k}",)) for k in range(legs))
+    def text(self) -> list[str]:
+        names = [f"j{k}" for k in range(9)]
+        own = tuple(Leg(f"leg {k}", tuple(names[1 + 4 * k : 5 + 4 * k]), 1, (f"g{k}",)) for k in range(2))
         machine = rod_machine([hinge(name) for name in names], own)
         motors = {name: JointMotor(20.0 + (name == "j2"), 30.0 + k, 0.25) for k, name in enumerate(names)}
         pose = Pose(dict.fromkeys(names, 0.12346), 0.34567, 0.0, 0.5)
