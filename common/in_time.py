@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable
 
 TIME_LIMIT_S = 2.0
+COMPILING = "compile"  # begins the names of threads that compile
 _NAME = "call that may block"
 
 
@@ -35,3 +36,8 @@ def in_time(act: Callable[[], None], timeout_s: float = TIME_LIMIT_S) -> BaseExc
 def any_blocked() -> bool:
     """Whether a call has not returned yet: an exit that flushes outputs would wait for it."""
     return any(thread.name == _NAME for thread in threading.enumerate())
+
+
+def any_compiling() -> bool:
+    """Whether a thread compiles: an interrupted process leaves without its result."""
+    return any(thread.name.startswith(COMPILING) for thread in threading.enumerate())

@@ -2,8 +2,9 @@
 
 import os
 import sys
+from contextlib import suppress
 
-from footfall.exit_status import INTERRUPTED
+from footfall.exit_status import INTERRUPTED, TERMINATED
 
 
 def main() -> int:
@@ -14,6 +15,7 @@ def main() -> int:
 
         status = command_line()
         _leave_at_once_if_blocked(status)
+        _leave_at_once_if_compiling(status)
         return status
     except KeyboardInterrupt:
         print("footfall: interrupted", file=sys.stderr)
@@ -36,6 +38,16 @@ def _leave_at_once_if_blocked(status: int) -> None:
     from footfall.common.in_time import any_blocked
 
     if any_blocked():
+        os._exit(status)
+
+
+def _leave_at_once_if_compiling(status: int) -> None:
+    """After Ctrl-C or SIGTERM, exit without the result of a compiler, for which Python would wait."""
+    from footfall.common.in_time import any_compiling
+
+    if status in (INTERRUPTED, TERMINATED) and any_compiling():
+        with suppress(OSError):
+            sys.stdout.flush()
         os._exit(status)
 
 

@@ -55,6 +55,18 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
     assert "[train]'" in done.stderr
 
 
+def test_an_interrupted_command_leaves_its_compiler_behind() -> None:
+    code = (
+        "import sys, time; from concurrent.futures import ThreadPoolExecutor as Pool; "
+        "from footfall import __main__, cli; from footfall.common.in_time import COMPILING; "
+        "Pool(1, COMPILING).submit(time.sleep, 300); "
+        "cli.main = lambda: print('stopped') or 143; sys.exit(__main__.main())"
+    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stdout) == (143, "stopped\n")
+
+
 def test_a_signal_ends_an_evaluation_and_its_processes(tmp_path: Path) -> None:
     brief, folder = tmp_path / "brief.yaml", tmp_path / "folder"  # an episode that began is run to its end
     brief.write_text("scenarios: {brief: {about: Standing, episodes: 5000, duration_s: 0.5}}")

@@ -1,14 +1,16 @@
 """Start of a training: device, imports and compilation run concurrently."""
 
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import jax
 import numpy as np
 import pytest
 
+from footfall.common.in_time import any_compiling
 from footfall.envs.config import RewardConfig
 from footfall.envs.workarounds.program_cache import fingerprint
 from footfall.robots.description import load_robot
@@ -73,6 +75,22 @@ def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.Monkey
     restored = TrainState(*np.arange(7.0)[:, None])
     state, iteration = assembled.prepare(mesh, restored, print)
     assert (float(state.iteration[0]), iteration, requested[3:]) == (6.0, Iteration("act", "learn"), read[:2])
+
+
+def test_ctrl_c_does_not_wait_for_the_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = open_run(api.begin(api.TrainRequest(preset="smoke", out=tmp_path / "run")))
+    assembled, compiled = assemble(run.config, load_robot("go1")), Event()
+
+    def begun(lower: object, executor: Executor, *_: object) -> Future:
+        executor.submit(compiled.wait, 60)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(parts, "caches_programs", lambda _: True)
+    monkeypatch.setattr(parts, "load_or_compile", begun)
+    with pytest.raises(KeyboardInterrupt):
+        assembled.prepare(device_mesh(run.config.ppo), 0, print)
+    assert any_compiling()
+    compiled.set()
 
 
 def test_every_seed_begins_with_the_same_program(tmp_path: Path) -> None:

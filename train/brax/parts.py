@@ -1,7 +1,7 @@
 """A training's environment, networks and compiled programs, from its settings."""
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, replace
 
 import jax
@@ -10,6 +10,7 @@ from brax.training.agents.ppo.networks import PPONetworks
 from jax.sharding import Mesh
 
 from footfall.common.collector import collector_paused
+from footfall.common.in_time import COMPILING
 from footfall.envs.environment import Environment
 from footfall.envs.make import make_environment
 from footfall.envs.symmetry import EnvironmentMirror
@@ -92,9 +93,13 @@ class Parts:
             return load_or_compile(lower, executor, show_once, name, *made)
 
         # Compiled side by side. Nothing may run on the devices meanwhile: XLA times its kernels there.
-        with ThreadPoolExecutor(len(NAMES)) as executor:
+        executor = ThreadPoolExecutor(len(NAMES), COMPILING)
+        try:
             act, learn = program("act", programs.act), program("learn", programs.learn)
             first = None if seed is None else program("first state", programs.first_state)
+            wait([each for each in (act, learn, first) if each is not None])
+        finally:  # Ctrl-C does not wait for the compiler
+            executor.shutdown(wait=False, cancel_futures=True)
         state = place(start, shardings(STATE_SPECS, mesh)) if first is None else first.result()(seed)
         return state, Iteration(act.result(), learn.result())
 
