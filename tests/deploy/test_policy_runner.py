@@ -147,6 +147,8 @@ class TestFailure:
         [
             (lambda hold: [part[:11] for part in hold], "WrongSizeError: .* (5, 11)"),
             (lambda hold: hold[:4], "WrongSizeError: .* (4, 12)"),
+            (lambda hold: [part + 0j for part in hold], "ValueError"),
+            (lambda hold: [np.ma.masked_less(part, 0.5) for part in hold], "ValueError"),
             (lambda hold: {}["legs"], "KeyError: 'legs'"),
             (lambda hold: sys.exit(3), "SystemExit: 3"),
         ],
