@@ -146,13 +146,15 @@ def plot(found: dict[str, dict[str, Walks]], against: str, path: Path) -> None:
     with plt.rc_context({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False}):
         figure, axes = plt.subplots(figsize=(7.0, 4.6), layout="constrained")
         colours = {name: f"C{i}" for i, name in enumerate(dict.fromkeys(map(_kind, found)))}
-        lines: dict[str, list[np.ndarray]] = {}
+        lines: dict[str, list[tuple[float, float]]] = {}
         for condition, scenarios in found.items():
             difference = compare(scenarios, found[against])
-            centre = 100 * difference.relative[[2, 0]]
+            across, up = (100 * float(difference.relative[axis]) for axis in (2, 0))
+            centre = (across, up)
             reach = np.abs(100 * difference.within[:, [2, 0]] - centre)
             colour = colours[_kind(condition)]
-            axes.errorbar(*centre, reach[:, 1:], reach[:, :1], fmt="o", color=colour, ms=8, capsize=3, lw=1)
+            style: dict[str, Any] = {"fmt": "o", "color": colour, "ms": 8, "capsize": 3, "lw": 1}
+            axes.errorbar([across], [up], reach[:, 1:], reach[:, :1], **style)
             place: dict[str, Any] = {"xytext": (7, 7)}
             if condition == TRUE:  # lies close to `identified`
                 place = {"xytext": (-7, -15), "ha": "right"}
@@ -160,7 +162,7 @@ def plot(found: dict[str, dict[str, Walks]], against: str, path: Path) -> None:
             if condition != FIRST:  # fewer steps than the others
                 lines.setdefault(_kind(condition), []).append(centre)
         for kind, points in lines.items():
-            axes.plot(*np.array(sorted(points, key=lambda p: p[0])).T, color=colours[kind], lw=1, alpha=0.5)
+            axes.plot(*np.array(sorted(points)).T, color=colours[kind], lw=1, alpha=0.5)
         axes.axhline(0.0, color="grey", lw=0.6)
         axes.axvline(0.0, color="grey", lw=0.6)
         axes.set_xlabel(f"cost of transport, % from {against}")

@@ -1,7 +1,7 @@
 """Fits a leg's parameters to recordings, validates them on others, and lists unidentifiable parameters."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -116,28 +116,56 @@ def fit_leg(
         _check_still(each)
     windows, held_out_windows = _split(leg, recordings, held_out, config)
     problem = _problem(leg, recordings, windows, config.effects)
-    noise, torque = problem.position_sigma, problem.torque_sigma
+    left_out = np.zeros(leg.count, bool)
+    found = _solved(problem, config.rounds, left_out)
+    for _ in range(leg.count):
+        limit = TORQUE_SHARE if left_out.any() else np.nanmax(found.torque_error, initial=TORQUE_SHARE)
+        wrong = found.torque_error >= limit
+        if not (wrong & ~left_out).any():
+            break
+        # Wrong readings shift the parameters, and thereby the torques of other joints.
+        left_out = wrong
+        found = _solved(problem, config.rounds, left_out)
+    x, kept = found.x, found.problem
+    noise, fitted = kept.position_sigma, _rms(kept.errors(x[:, None])[0][0])
+    torque = np.where(left_out, np.inf, problem.torque_sigma)
+    return LegFit(
+        leg,
+        _estimates(kept, x, found.residual, found.slope, config.seed),
+        found.frozen,
+        noise,
+        fitted,
+        _track(Problem(leg, held_out_windows, kept.parameters, {}, noise, torque), x),
+        found.torque_error,
+        explained(kept, x) if config.explain and (fitted > MISFIT_RATIO * noise).any() else None,
+        delay_profile(kept, x) if config.profile else None,
+    )
+
+
+class _Solution(NamedTuple):
+    problem: Problem  # with the parameters that the recordings determine
+    x: np.ndarray  # (p,)
+    residual: np.ndarray  # and `slope`: as `Problem.slopes` returns them
+    slope: np.ndarray
+    frozen: dict[Parameter, Direction]
+    torque_error: np.ndarray  # (n,), also of joints whose torque readings were left out
+
+
+def _solved(problem: Problem, rounds: int, left_out: np.ndarray) -> _Solution:
+    """Solution of a leg's problem, which is unchanged, without torque readings of some joints, (n,)."""
+    noise = problem.torque_sigma
+    problem = replace(problem, torque_sigma=np.where(left_out, np.inf, noise))
     nominal_x = np.zeros(len(problem.parameters))
     problem.refine_starts(nominal_x)
     problem, _, frozen = freeze_unidentifiable(problem, problem.slopes(nominal_x)[1], 1.0)
-    x = solve(problem, config.rounds, np.zeros(len(problem.parameters)))
+    x = solve(problem, rounds, np.zeros(len(problem.parameters)))
     residual, slope = problem.slopes(x)
-    problem, kept, late = freeze_unidentifiable(problem, slope, _noise(residual))
+    level = float(np.sqrt((residual**2).mean()).clip(1.0, MAX_NOISE))
+    problem, kept, late = freeze_unidentifiable(problem, slope, level)
     if late:
-        x = solve(problem, config.rounds, x[kept])
+        x = solve(problem, rounds, x[kept])
         residual, slope = problem.slopes(x)
-    fitted = _rms(problem.errors(x[:, None])[0][0])
-    return LegFit(
-        leg,
-        _estimates(problem, x, residual, slope, config.seed),
-        frozen | late,
-        noise,
-        fitted,
-        _track(Problem(leg, held_out_windows, problem.parameters, {}, noise, torque), x),
-        torque_error(problem, x, torque),
-        explained(problem, x) if config.explain and (fitted > MISFIT_RATIO * noise).any() else None,
-        delay_profile(problem, x) if config.profile else None,
-    )
+    return _Solution(problem, x, residual, slope, frozen | late, torque_error(problem, x, noise))
 
 
 def _split(
@@ -175,8 +203,8 @@ def held_out_error(
     windows, held_out_windows = _split(leg, recordings, held_out, config)
     noise = _problem(leg, recordings, windows).position_sigma
     problem = Problem(leg, held_out_windows, (), values, noise, np.full(leg.count, np.inf))
-    for _ in range(2):
-        problem.refine_starts(np.zeros(0))
+    problem.refine_starts(np.zeros(0))
+    problem.refine_starts(np.zeros(0))
     return _rms(problem.errors(np.zeros((0, 1)))[0][0])
 
 
@@ -189,11 +217,6 @@ def problem_of(leg: FixedLeg, recordings: Sequence[Recording], config: FitConfig
     for each in recordings:
         _check_still(each)
     return _problem(leg, recordings, _windows(leg, recordings, config))
-
-
-def _noise(residual: np.ndarray) -> float:
-    """Standard deviation of residuals: noise before a fit, rms of the residuals after it."""
-    return float(np.sqrt((residual**2).mean()).clip(1.0, MAX_NOISE))
 
 
 def _problem(
@@ -212,8 +235,8 @@ def _check_still(recording: Recording) -> None:
 
 
 def _windows(leg: FixedLeg, recordings: Sequence[Recording], config: FitConfig) -> Windows:
-    step_s = float(leg.model.opt.timestep)
-    return joined([cut(each, leg.joints, config.window_s, step_s, config.rate_hz) for each in recordings])
+    settings = config.window_s, float(leg.model.opt.timestep), config.rate_hz
+    return joined([cut(each, leg.joints, *settings) for each in recordings])
 
 
 def torque_error(problem: Problem, x: np.ndarray, noise: np.ndarray) -> np.ndarray:
@@ -265,8 +288,8 @@ def _track(problem: Problem, x: np.ndarray) -> Track:
     windows = problem.windows
     paths = []
     for candidate in (x, np.zeros(len(x))):
-        for _ in range(2):
-            problem.refine_starts(candidate)
+        problem.refine_starts(candidate)
+        problem.refine_starts(candidate)
         paths.append(problem.errors(candidate[:, None])[0][0] + windows.position)
     return Track(windows.time_s, windows.position, *paths)
 

@@ -159,6 +159,15 @@ def test_torque_readings_that_contradict_the_motion_are_noticed(
     assert (torque_error(problem, at, noise) > TORQUE_SHARE).tolist() == [False, False, wrong]
 
 
+def test_wrong_torque_readings_do_not_shift_the_parameters(recording: Recording) -> None:
+    read = replace(recording, torque=recording.torque * np.where(np.arange(N) == 2, 1.3, 1.0))
+    fit = fit_leg(LEG, [read], config=FitConfig(rounds=2, rate_hz=125.0, explain=False))
+    assert (fit.torque_error > TORQUE_SHARE).tolist() == [False, False, True]
+    assert fit.torque_error[2] == pytest.approx(1.0 - 1.0 / 1.3, abs=0.02)  # a shifted fit hides half of it
+    calf = LEG.joint_names[2]
+    assert fit.value("armature", calf) == pytest.approx(1.2, rel=0.05)
+
+
 def test_a_page_shows_each_joint_and_is_self_contained(fit: LegFit, monkeypatch: pytest.MonkeyPatch) -> None:
     text = page(ROBOT, [fit], [Path("log.mcap")], None)
     for name in (*LEG.joint_names, *LEG.body_names, "armature", "delay_s"):
