@@ -230,3 +230,8 @@ def test_command_lines_are_found() -> None:
     """Command lines are found in the README: the first three, and others."""
     verbs = [words[0] for words in commands(ROOT / "README.md")]
     assert {"train", "deploy", "compare", "doctor", "watch"} <= set(verbs)
+
+
+@pytest.mark.parametrize(("page", "words"), [("results", 2_000), ("journal", 4_000), ("faults", 800)])
+def test_long_pages_keep_to_a_number_of_words(page: str, words: int) -> None:
+    assert len((ROOT / f"docs/{page}.md").read_text().split()) <= words
