@@ -96,7 +96,7 @@ def _run_until_broken(
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_exit_with_parent)
     queue = iter(indices)
     in_flight: dict[Future[R], int] = {}
-    earlier = multiprocessing.active_children()
+    earlier = context.active_children()
     try:
         _launch(pool, function, tasks, queue, in_flight, workers)
         while in_flight:
@@ -114,7 +114,7 @@ def _run_until_broken(
     except BrokenProcessPool:  # raised by submit
         return sorted(in_flight.values())
     except KeyboardInterrupt:  # SIGTERM reaches only this process; a task may last for minutes
-        for worker in multiprocessing.active_children():
+        for worker in context.active_children():
             if worker not in earlier:
                 worker.terminate()
         raise

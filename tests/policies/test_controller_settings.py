@@ -62,7 +62,6 @@ def test_a_wrong_setting_is_refused_with_its_reason(go1: Robot, tmp_path: Path) 
         ("mpc@rate_hz=1e30", "rate_hz"),  # an array of that many steps would be made
         ("mpc@horizon.steps=1000000", "steps"),
         ("mpc@gaits=[trot, hop]", "'hop'"),
-        ("trot@gaits=[hop]", "'hop'"),
         ("jump@landing.height_m=1e30", "landing.height_m"),
         ("jump@take_off_m=1e30", "leap.take_off_m"),
         ("mpc@kd=1", "stance.kd"),

@@ -59,8 +59,6 @@ class WalkSettings:
     def __init__(self, robot: Robot, config: WalkConfig) -> None:
         self._robot, self._config = robot, config
         self._gaits = all_gaits(robot, config)
-        for gait in self._gaits.values():
-            gait.clock(robot)  # raises UserError if the robot has no such gait
         self.names = tuple(self._gaits)  # names of the gaits
         self.reset()
 
