@@ -124,7 +124,7 @@ def run(task: Task) -> dict[str, Any]:
         drawn = np.random.default_rng(number).choice(all_of_them.recordings, len(all_of_them.recordings))
         return {"numbers": all_of_them.of(drawn).fit().tolist()}
     mask = held_out(all_of_them, kind, number)
-    return {"numbers": all_of_them.of(all_of_them.recordings, without=mask).fit().tolist()}
+    return {"numbers": all_of_them.of(all_of_them.recordings, excluded=mask).fit().tolist()}
 
 
 def held_out(windows: Shooting, kind: str, number: int) -> np.ndarray:

@@ -49,30 +49,30 @@ def compare_leg(leg: FixedLeg, recording: Recording, config: FitConfig | None = 
     positions = replace(problem, torque_sigma=np.full(leg.count, np.inf))
     positions.start = problem.start
     residual, slope = positions.slopes(x)
-    by_joint = [_of_joint(positions, joint) for joint in range(leg.count)]
+    by_joint = [_joint_residuals(positions, joint) for joint in range(leg.count)]
     return LegGap(
         leg,
         np.sqrt((errors**2).mean(axis=(0, 1, 2))),
         problem.position_sigma,
-        tuple(_shares(problem, residual[:, mine], slope[:, mine]) for mine in by_joint),
+        tuple(_explained_shares(problem, residual[:, indices], slope[:, indices]) for indices in by_joint),
     )
 
 
-def _of_joint(problem: Problem, joint: int) -> np.ndarray:
+def _joint_residuals(problem: Problem, joint: int) -> np.ndarray:
     """Indices of a joint's position residuals among those of a window."""
     rows, n = problem.windows.position.shape[1:]
     return np.arange(rows) * n + joint
 
 
-def _shares(problem: Problem, residual: np.ndarray, slope: np.ndarray) -> dict[str, float]:
+def _explained_shares(problem: Problem, residual: np.ndarray, slope: np.ndarray) -> dict[str, float]:
     """Share of the squared residual explained by each quantity."""
     flat, slopes_flat = residual.reshape(-1), slope.reshape(-1, slope.shape[2])
     total = float(flat @ flat)
-    found = {}
+    shares = {}
     for name in QUANTITIES:
-        mine = [row for row, each in enumerate(problem.parameters) if each.quantity == name]
-        part = slopes_flat[:, mine]
-        step = np.linalg.solve(part.T @ part + RIDGE * np.eye(len(mine)), part.T @ flat)
-        left = flat - part @ step
-        found[name] = 1.0 - float(left @ left) / total if total else 0.0
-    return found
+        columns = [column for column, each in enumerate(problem.parameters) if each.quantity == name]
+        own_slopes = slopes_flat[:, columns]
+        step = np.linalg.solve(own_slopes.T @ own_slopes + RIDGE * np.eye(len(columns)), own_slopes.T @ flat)
+        remaining = flat - own_slopes @ step
+        shares[name] = 1.0 - float(remaining @ remaining) / total if total else 0.0
+    return shares

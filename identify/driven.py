@@ -12,7 +12,7 @@ from footfall.robots.driven_motion import DrivenMotion
 SMOOTHED_S = 0.015  # readings within this time on either side are used for a local cubic
 MIN_POINTS = 3  # minimum number of these readings on either side
 MARGIN_S = 0.06  # at either end: the longest delay plus half of a cubic's window
-SETTLED_S = 0.1  # after which the motors' state does not depend on the start of the recording
+SETTLED_S = 0.1  # time after which the motors' state does not depend on the start of the recording
 
 
 def driven_motion(
@@ -38,22 +38,24 @@ def driven_motion(
     """
     step_s = float(leg.model.opt.timestep)
     grid = np.arange(recording.time_s[0] + MARGIN_S, recording.time_s[-1] - MARGIN_S, step_s)
-    whole = np.floor(np.asarray(delay_s) / step_s)
-    rest_s = delay_s - whole * step_s
+    delay_steps = np.floor(np.asarray(delay_s) / step_s)
+    remainder_s = delay_s - delay_steps * step_s
     path = np.stack(
         [
-            _smooth(recording.read_s[:, joint], recording.position[:, joint], grid + rest, recording.period_s)
-            for joint, rest in zip(leg.joints, rest_s.tolist(), strict=True)
+            _smooth(
+                recording.read_s[:, joint], recording.position[:, joint], grid + remainder, recording.period_s
+            )
+            for joint, remainder in zip(leg.joints, remainder_s.tolist(), strict=True)
         ],
         axis=2,
     )
     command = np.empty((len(grid), 5, leg.count))
     for column, joint in enumerate(leg.joints):
-        sent = np.searchsorted(recording.time_s, grid - whole[column] * step_s + 1e-9, side="right") - 1
+        sent = np.searchsorted(recording.time_s, grid - delay_steps[column] * step_s + 1e-9, side="right") - 1
         command[:, :, column] = recording.command[sent.clip(0)][:, :, joint]
     position, velocity, acceleration = path
-    inertia, bias = _bodies(leg, position - encoder_bias, velocity)
-    torque, before = _law(leg, command, position, velocity, step_s)
+    inertia, bias = _inertia_and_bias(leg, position - encoder_bias, velocity)
+    torque, before = _law_torque(leg, command, position, velocity, step_s)
     needed = np.einsum("tij,tj->ti", inertia, acceleration) + bias
     starts, block = _starts(recording, grid, window_s, block_s)
     return DrivenMotion(
@@ -92,12 +94,14 @@ def _smooth(read_s: np.ndarray, values: np.ndarray, at_s: np.ndarray, period_s: 
     width = half * period_s
     terms = ((read_s[rows] - at_s[:, None]) / width)[..., None] ** np.arange(4)  # (T, points, 4)
     normal = np.einsum("tpi,tpj->tij", terms, terms)
-    right = np.einsum("tpi,tp->ti", terms, values[rows])
-    found: np.ndarray = np.linalg.solve(normal, right[..., None])[..., 0]
-    return found[:, :3].T / np.array([[1.0], [width], [0.5 * width**2]])
+    rhs = np.einsum("tpi,tp->ti", terms, values[rows])
+    coefficients: np.ndarray = np.linalg.solve(normal, rhs[..., None])[..., 0]
+    return coefficients[:, :3].T / np.array([[1.0], [width], [0.5 * width**2]])
 
 
-def _bodies(leg: FixedLeg, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _inertia_and_bias(
+    leg: FixedLeg, position: np.ndarray, velocity: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Inertia (T, n, n) and bias forces (T, n) along a path."""
     model, data = leg.model, mujoco.MjData(leg.model)
     inertia, bias = np.empty((len(position), leg.count, leg.count)), np.empty_like(position)
@@ -109,16 +113,16 @@ def _bodies(leg: FixedLeg, position: np.ndarray, velocity: np.ndarray) -> tuple[
     return inertia, bias
 
 
-def _law(
+def _law_torque(
     leg: FixedLeg, command: np.ndarray, position: np.ndarray, velocity: np.ndarray, step_s: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The physical law's motor torque in each step of a path, and at its beginning, (T, n) each."""
+    """The physical law's motor torque in each step of a path, and at the step's beginning, (T, n) each."""
     demand = motor_torque(JointCommand.of(np.moveaxis(command, 1, 0)), position, velocity, leg.motor)
     if leg.motor.lag_s is None:
         return demand, np.zeros_like(demand)
-    lag, now = lag_over(leg.motor.lag_s, step_s), demand[0]
+    lag, lag_state = lag_over(leg.motor.lag_s, step_s), demand[0]
     torque, before = np.empty_like(demand), np.empty_like(demand)
     for row, demanded in enumerate(demand):
-        before[row] = now
-        torque[row], now = lagged(demanded, now, lag)
+        before[row] = lag_state
+        torque[row], lag_state = lagged(demanded, lag_state, lag)
     return torque, before

@@ -70,8 +70,8 @@ class Excitation:
         self._joint_index = np.zeros(n)  # index of each joint in its leg
         for joints in robot.foot_joints:
             self._joint_index[joints] = np.arange(len(joints))
-        self._side = swing_senses(robot)
-        self._longest = 1 + int(self._joint_index.max())
+        self._senses = swing_senses(robot)
+        self._max_joints = 1 + int(self._joint_index.max())
         self._swing = np.minimum(config.swing_rad, 0.9 * room - self._amplitude).clip(0.0)
         self._swing *= clear_share(robot, self._chirp_poses)
         self._start = self._middle
@@ -81,7 +81,7 @@ class Excitation:
     def duration_s(self) -> float:
         """Duration of the whole motion."""
         config = self._config
-        return config.settle_s + self._longest * config.triangle_s + 2 * config.chirp_s + config.burst_s
+        return config.settle_s + self._max_joints * config.triangle_s + 2 * config.chirp_s + config.burst_s
 
     def reset(self, inputs: PolicyInput) -> None:
         self._start = inputs.sensed.joint_position.copy()
@@ -93,21 +93,23 @@ class Excitation:
         config, time_s = self._config, inputs.time_s
         if time_s < config.settle_s:
             share = smooth_rise(time_s, config.settle_s)
-            return self._command((1.0 - share) * (self._start - self._middle), second=True)
+            return self._command((1.0 - share) * (self._start - self._middle), second_chirp=True)
         time_s -= config.settle_s
-        if time_s < self._longest * config.triangle_s:
-            return self._command(self._triangle(time_s), second=True)
-        time_s -= self._longest * config.triangle_s
+        if time_s < self._max_joints * config.triangle_s:
+            return self._command(self._triangle(time_s), second_chirp=True)
+        time_s -= self._max_joints * config.triangle_s
         if time_s < 2 * config.chirp_s:
-            second = time_s >= config.chirp_s
-            size = config.second_amplitude if second else 1.0
+            second_chirp = time_s >= config.chirp_s
+            size = config.second_amplitude if second_chirp else 1.0
             chirp = size * self._chirp(time_s % config.chirp_s)
-            return self._command(chirp + self._slow_swing(time_s), second)
+            return self._command(chirp + self._slow_swing(time_s), second_chirp)
         return self._command(np.zeros_like(self._middle), True, self._burst(time_s - 2 * config.chirp_s))
 
-    def _command(self, offset: np.ndarray, second: bool, torque: np.ndarray | None = None) -> JointCommand:
+    def _command(
+        self, offset: np.ndarray, second_chirp: bool, torque: np.ndarray | None = None
+    ) -> JointCommand:
         robot, config, zero = self._robot, self._config, np.zeros_like(self._middle)
-        kp, kd = config.stiffness[second] * robot.kp, config.damping[second] * robot.kd
+        kp, kd = config.stiffness[second_chirp] * robot.kp, config.damping[second_chirp] * robot.kd
         return JointCommand(self._middle + offset, zero, kp, kd, zero if torque is None else torque)
 
     def _triangle(self, time_s: float) -> np.ndarray:
@@ -115,7 +117,7 @@ class Excitation:
         share = (time_s / self._config.triangle_s) % 1.0
         wave = 1.0 - abs(4.0 * ((share + 0.25) % 1.0) - 2.0)
         moves = self._joint_index == int(time_s / self._config.triangle_s)
-        return self._side * moves * wave * self._amplitude
+        return self._senses * moves * wave * self._amplitude
 
     def _chirp(self, time_s: float) -> np.ndarray:
         """A sweep with exponentially increasing frequency, with a different phase for each joint."""
@@ -126,7 +128,7 @@ class Excitation:
         fade = min(1.0, time_s / 0.5, (config.chirp_s - time_s) / 0.2)
         phase = GOLDEN * self._joint_index
         wave = np.sin(2.0 * math.pi * (turns + phase))
-        return self._side * self._amplitude * wave * fade * min(1.0, config.corner_hz / hz)
+        return self._senses * self._amplitude * wave * fade * min(1.0, config.corner_hz / hz)
 
     def _slow_swing(self, time_s: float) -> np.ndarray:
         """Swing over both chirps, since in a single pose a mass and an encoder bias have the same effect.
@@ -137,14 +139,14 @@ class Excitation:
         angle = math.pi * time_s / self._config.chirp_s
         once = 0.5 - 0.5 * math.cos(2.0 * angle)
         wave = np.select([self._joint_index == 0, self._joint_index % 2 == 1], [math.sin(angle), -once], once)
-        return self._side * self._swing * wave
+        return self._senses * self._swing * wave
 
     def _chirp_poses(self, share: float) -> np.ndarray:
         """Targets of the larger chirp with a share of the swing of both chirps, (T, n)."""
         config = self._config
-        times = np.arange(0.0, 2.0 * config.chirp_s, 1.0 / CLEAR_HZ).tolist()
-        away = [self._chirp(each % config.chirp_s) + share * self._slow_swing(each) for each in times]
-        return self._middle + np.array(away)
+        times_s = np.arange(0.0, 2.0 * config.chirp_s, 1.0 / CLEAR_HZ).tolist()
+        offsets = [self._chirp(each % config.chirp_s) + share * self._slow_swing(each) for each in times_s]
+        return self._middle + np.array(offsets)
 
     def _burst(self, time_s: float) -> np.ndarray:
         """Torque with random changes of sign, ten times a second, N m."""

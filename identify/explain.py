@@ -1,4 +1,4 @@
-"""Finds the effect that explains a misfit, by another fit with each effect."""
+"""Finds the effect that explains a misfit, by repeating the fit with each effect."""
 
 from dataclasses import dataclass, replace
 
@@ -22,8 +22,8 @@ class Explanation:
     @property
     def best(self) -> str | None:
         """The effect with the smallest residual; None if no effect reduces it enough."""
-        name, left = min(self.with_effect.items(), key=lambda each: each[1])
-        return name if left < MAX_REMAINING_SHARE * self.without else None
+        name, remaining = min(self.with_effect.items(), key=lambda each: each[1])
+        return name if remaining < MAX_REMAINING_SHARE * self.without else None
 
 
 def explained(problem: Problem, x: np.ndarray, rounds: int = ROUNDS) -> Explanation:
@@ -34,9 +34,9 @@ def explained(problem: Problem, x: np.ndarray, rounds: int = ROUNDS) -> Explanat
         x: solution of the fit, (p,).
         rounds: maximum number of Gauss-Newton steps of each fit.
     """
-    few = coarsened(problem)
-    found = {name: _ratio(few, x, name, rounds) for name in EFFECTS if not _has(problem, name)}
-    return Explanation(_ratio(few, x, None, rounds), found)
+    coarse = coarsened(problem)
+    ratios = {name: _ratio(coarse, x, name, rounds) for name in EFFECTS if not _has(problem, name)}
+    return Explanation(_ratio(coarse, x, None, rounds), ratios)
 
 
 def _has(problem: Problem, name: str) -> bool:

@@ -117,28 +117,28 @@ def fit_leg(
     windows, held_out_windows = _split(leg, recordings, held_out, config)
     problem = _problem(leg, recordings, windows, config.effects)
     left_out = np.zeros(leg.count, bool)
-    found = _solved(problem, config.rounds, left_out)
+    solution = _solved(problem, config.rounds, left_out)
     for _ in range(leg.count):
-        limit = TORQUE_SHARE if left_out.any() else np.nanmax(found.torque_error, initial=TORQUE_SHARE)
-        wrong = found.torque_error >= limit
+        limit = TORQUE_SHARE if left_out.any() else np.nanmax(solution.torque_error, initial=TORQUE_SHARE)
+        wrong = solution.torque_error >= limit
         if not (wrong & ~left_out).any():
             break
         # Wrong readings shift the parameters, and thereby the torques of other joints.
         left_out = wrong
-        found = _solved(problem, config.rounds, left_out)
-    x, kept = found.x, found.problem
-    noise, fitted = kept.position_sigma, _rms(kept.errors(x[:, None])[0][0])
-    torque = np.where(left_out, np.inf, problem.torque_sigma)
+        solution = _solved(problem, config.rounds, left_out)
+    x, reduced = solution.x, solution.problem
+    noise, residual_rad = reduced.position_sigma, _rms(reduced.errors(x[:, None])[0][0])
+    torque_sigma = np.where(left_out, np.inf, problem.torque_sigma)
     return LegFit(
         leg,
-        _estimates(kept, x, found.residual, found.slope, config.seed),
-        found.frozen,
+        _estimates(reduced, x, solution.residual, solution.slope, config.seed),
+        solution.frozen,
         noise,
-        fitted,
-        _track(Problem(leg, held_out_windows, kept.parameters, {}, noise, torque), x),
-        found.torque_error,
-        explained(kept, x) if config.explain and (fitted > MISFIT_RATIO * noise).any() else None,
-        delay_profile(kept, x) if config.profile else None,
+        residual_rad,
+        _track(Problem(leg, held_out_windows, reduced.parameters, {}, noise, torque_sigma), x),
+        solution.torque_error,
+        explained(reduced, x) if config.explain and (residual_rad > MISFIT_RATIO * noise).any() else None,
+        delay_profile(reduced, x) if config.profile else None,
     )
 
 
@@ -152,7 +152,7 @@ class _Solution(NamedTuple):
 
 
 def _solved(problem: Problem, rounds: int, left_out: np.ndarray) -> _Solution:
-    """Solution of a leg's problem, which is unchanged, without torque readings of some joints, (n,)."""
+    """Solution of a leg's problem without the torque readings of joints in `left_out`; keeps `problem`."""
     noise = problem.torque_sigma
     problem = replace(problem, torque_sigma=np.where(left_out, np.inf, noise))
     nominal_x = np.zeros(len(problem.parameters))
@@ -160,12 +160,12 @@ def _solved(problem: Problem, rounds: int, left_out: np.ndarray) -> _Solution:
     problem, _, frozen = freeze_unidentifiable(problem, problem.slopes(nominal_x)[1], 1.0)
     x = solve(problem, rounds, np.zeros(len(problem.parameters)))
     residual, slope = problem.slopes(x)
-    level = float(np.sqrt((residual**2).mean()).clip(1.0, MAX_NOISE))
-    problem, kept, late = freeze_unidentifiable(problem, slope, level)
-    if late:
+    residual_sigma = float(np.sqrt((residual**2).mean()).clip(1.0, MAX_NOISE))
+    problem, kept, frozen_later = freeze_unidentifiable(problem, slope, residual_sigma)
+    if frozen_later:
         x = solve(problem, rounds, x[kept])
         residual, slope = problem.slopes(x)
-    return _Solution(problem, x, residual, slope, frozen | late, torque_error(problem, x, noise))
+    return _Solution(problem, x, residual, slope, frozen | frozen_later, torque_error(problem, x, noise))
 
 
 def _split(
@@ -175,10 +175,10 @@ def _split(
     windows = _windows(leg, recordings, config)
     if held_out:
         return windows, _windows(leg, held_out, config)
-    chosen = np.arange(windows.width) % config.hold_out_every == config.hold_out_every - 1
-    if not chosen.any():
+    validation = np.arange(windows.width) % config.hold_out_every == config.hold_out_every - 1
+    if not validation.any():
         raise UserError(f"{windows.width} windows are too few to hold one out: record longer")
-    return windows.take(~chosen), windows.take(chosen)
+    return windows.take(~validation), windows.take(validation)
 
 
 def held_out_error(
@@ -245,7 +245,7 @@ def torque_error(problem: Problem, x: np.ndarray, noise: np.ndarray) -> np.ndarr
     Args:
         problem: problem of the fit.
         x: solution, (p,).
-        noise: standard deviation of the readings, N m, (n,): during a fit `torque_sigma` becomes the error's.
+        noise: standard deviation of the readings, N m, (n,); a fit overwrites `torque_sigma`.
     """
     error, reading = problem.errors(x[:, None])[1][0], problem.windows.torque
     beyond = np.sqrt(np.maximum(_rms(error) ** 2 - noise**2, 0.0))
@@ -275,11 +275,11 @@ def _estimates(
     weights = block_weights(problem.windows.source, RESAMPLES, np.random.default_rng(seed))
     refits = refitted(x, residual, slope, weights, problem.by_window, (problem.low, problem.high))
     scale = np.array([each.kind.scale for each in problem.parameters])
-    half = INTERVAL_SIGMAS * refits.std(axis=0) * scale
-    found = problem.numbers(x[:, None])[:, 0]
+    half_widths = INTERVAL_SIGMAS * refits.std(axis=0) * scale
+    values = problem.numbers(x[:, None])[:, 0]
     return tuple(
         Estimate(parameter, float(value), float(value - each), float(value + each))
-        for parameter, value, each in zip(problem.parameters, found, half, strict=True)
+        for parameter, value, each in zip(problem.parameters, values, half_widths, strict=True)
     )
 
 

@@ -29,7 +29,7 @@ class FootTestConfig:
     press_s: float = 6.0  # at each force: time to read the scale
     reach_m: float = 0.03  # from the default pose, along each axis
     presses: tuple[float, ...] = (0.1, 0.2, 0.3)  # shares of the robot's weight
-    press_stiffness: float = 0.2  # of the pressing leg, relative to the robot's own gain
+    press_stiffness: float = 0.2  # stiffness of the pressing leg, relative to the robot's own gain
     error_m: float = 0.01  # largest error of a position
     error_share: float = 0.15  # largest error of the force that the motors report
 
@@ -46,10 +46,10 @@ class Hold(NamedTuple):
 
     offset: np.ndarray  # (3,) m, from the default pose, base frame
     force_n: float  # downwards
-    lasts_s: float
+    duration_s: float
 
 
-class Held(NamedTuple):
+class Measurement(NamedTuple):
     """Measurements during a hold."""
 
     hold: Hold
@@ -98,21 +98,21 @@ class FootTest:
             weigh: reads the scale, N.
         """
         self.rate_hz, self._robot, self._leg, self._config = rate_hz, robot, leg, config
-        self._weigh, self._waiting = weigh, list(holds)
+        self._weigh, self._remaining = weigh, list(holds)
         self._start = robot.default_pose
-        self._began_s, self._from = config.settle_s, Hold(np.zeros(3), 0.0, 0.0)
+        self._hold_start_s, self._previous = config.settle_s, Hold(np.zeros(3), 0.0, 0.0)
         self._samples: list[tuple[np.ndarray, float, float]] = []
-        self.held: list[Held] = []
+        self.measured: list[Measurement] = []
 
     @property
     def duration_s(self) -> float:
         """Duration of the rest of the test."""
-        return self._config.settle_s + sum(self._config.move_s + each.lasts_s for each in self._waiting)
+        return self._config.settle_s + sum(self._config.move_s + each.duration_s for each in self._remaining)
 
     @property
     def done(self) -> bool:
         """Whether all holds are over."""
-        return not self._waiting
+        return not self._remaining
 
     def reset(self, inputs: PolicyInput) -> None:
         self._start = inputs.sensed.joint_position.copy()
@@ -126,13 +126,13 @@ class FootTest:
             share = smooth_rise(time_s / self._config.settle_s)
             target = self._start + share * (robot.default_pose - self._start)
             return JointCommand(target, zero, robot.kp, robot.kd, zero)
-        hold, since_s = self._waiting[0], time_s - self._began_s
+        hold, since_s = self._remaining[0], time_s - self._hold_start_s
         share = smooth_rise(since_s / self._config.move_s)
-        offset = self._from.offset + share * (hold.offset - self._from.offset)
-        force_n = self._from.force_n + share * (hold.force_n - self._from.force_n)
-        if since_s >= self._config.move_s + 0.5 * hold.lasts_s:
+        offset = self._previous.offset + share * (hold.offset - self._previous.offset)
+        force_n = self._previous.force_n + share * (hold.force_n - self._previous.force_n)
+        if since_s >= self._config.move_s + 0.5 * hold.duration_s:
             self._measure(inputs)
-        if since_s >= self._config.move_s + hold.lasts_s:
+        if since_s >= self._config.move_s + hold.duration_s:
             self._finish(time_s)
         return self._command(sensed, offset, force_n, self._config.press_stiffness if hold.force_n else 1.0)
 
@@ -143,14 +143,14 @@ class FootTest:
         ground[leg] = force_n * UP
         weight = legs.holding_torque(sensed.joint_position, sensed.acceleration)
         push = legs.torque(legs.pose(sensed.joint_position).jacobian, ground)
-        tested = np.zeros_like(robot.kp)
-        tested[robot.foot_joints[leg]] = 1.0
+        selected = np.zeros_like(robot.kp)
+        selected[robot.foot_joints[leg]] = 1.0
         return JointCommand(
             legs.scatter(legs.solve(foot), robot.default_pose),
             np.zeros_like(robot.kp),
-            robot.kp * np.where(tested > 0.0, stiffness, 1.0),
+            robot.kp * np.where(selected > 0.0, stiffness, 1.0),
             robot.kd,
-            tested * legs.scatter(weight + push, np.zeros_like(robot.kp)),
+            selected * legs.scatter(weight + push, np.zeros_like(robot.kp)),
         )
 
     def _measure(self, inputs: PolicyInput) -> None:
@@ -163,37 +163,37 @@ class FootTest:
 
     def _finish(self, time_s: float) -> None:
         offset, force, scale = (np.mean(each, axis=0) for each in zip(*self._samples, strict=True))
-        self._from = self._waiting.pop(0)
-        self.held.append(Held(self._from, offset, float(force), float(scale)))
-        self._samples, self._began_s = [], time_s
+        self._previous = self._remaining.pop(0)
+        self.measured.append(Measurement(self._previous, offset, float(force), float(scale)))
+        self._samples, self._hold_start_s = [], time_s
 
 
-def largest_error(held: Sequence[Held]) -> float:
+def largest_error(measured: Sequence[Measurement]) -> float:
     """Largest distance between a commanded and a measured position of the foot, m."""
-    return max(float(np.linalg.norm(each.offset - each.hold.offset)) for each in held)
+    return max(float(np.linalg.norm(each.offset - each.hold.offset)) for each in measured)
 
 
-def press_findings(held: Sequence[Held], config: FootTestConfig) -> list[str]:
+def press_findings(measured: Sequence[Measurement], config: FootTestConfig) -> list[str]:
     """Problems of the forces; empty if there are none.
 
     Slopes over all holds are compared: a preload, or a scale with another zero, has no effect.
     """
-    scale = [each.scale_n for each in held]
+    scale = [each.scale_n for each in measured]
     pairs = (
-        ("commanded force", [each.hold.force_n for each in held]),
-        ("force that the motors report", [each.force_n for each in held]),
+        ("commanded force", [each.hold.force_n for each in measured]),
+        ("force that the motors report", [each.force_n for each in measured]),
     )
     shares = {name: float(np.polyfit(force, scale, 1)[0]) for name, force in pairs}
     return [
-        f"the scale shows {share:.2f} times the {name}: it may differ by {config.error_share:g}"
+        f"the scale shows {share:.2f} times the {name}: the factor must be 1, within {config.error_share:g}"
         for name, share in shares.items()
         if abs(share - 1.0) > config.error_share
     ]
 
 
-def reach_findings(held: Sequence[Held], config: FootTestConfig) -> list[str]:
+def reach_findings(measured: Sequence[Measurement], config: FootTestConfig) -> list[str]:
     """Problems of the positions; empty if there are none."""
-    error_m = largest_error(held)
+    error_m = largest_error(measured)
     if error_m <= config.error_m:
         return []
     return [f"the foot is {1e3 * error_m:.0f} mm off: {1e3 * config.error_m:g} mm at most"]

@@ -71,8 +71,8 @@ class Tuned(NamedTuple):
 
     def figures(self) -> dict[str, Any]:
         """Plain values for a file."""
-        rest = {"kp_rings": self.kp_rings, "kd_rings": self.kd_rings}
-        return {"own": self.own._asdict(), **rest, "proposed": self.proposed._asdict()}
+        limits = {"kp_rings": self.kp_rings, "kd_rings": self.kd_rings}
+        return {"own": self.own._asdict(), **limits, "proposed": self.proposed._asdict()}
 
 
 RESTING_GAINS = Gains(0.5, 1.0)  # for joints not being tested, and after ringing
@@ -94,13 +94,15 @@ def response_of(
         config: thresholds of ringing.
     """
     share = position / step
-    late = time_s >= 0.5 * time_s[-1]
-    final = float(share[late].mean())
-    first, last = (np.flatnonzero(share >= each * final) for each in RISE_SHARES)
-    rise_s = float(time_s[last[0]] - time_s[first[0]]) if final > 0.0 and len(last) else np.nan
+    second_half = time_s >= 0.5 * time_s[-1]
+    final = float(share[second_half].mean())
+    above_first, above_last = (np.flatnonzero(share >= each * final) for each in RISE_SHARES)
+    rise_s = (
+        float(time_s[above_last[0]] - time_s[above_first[0]]) if final > 0.0 and len(above_last) else np.nan
+    )
     rings = (
-        np.ptp(share[late]) > config.rings_rad
-        or np.sqrt((velocity[late] ** 2).mean()) > config.rings_rad_s
+        np.ptp(share[second_half]) > config.rings_rad
+        or np.sqrt((velocity[second_half] ** 2).mean()) > config.rings_rad_s
         or np.abs(share - 1.0).max() > MAX_ERROR_STEPS
     )
     return Response(rise_s, max(0.0, float(share.max()) - final), bool(rings))
@@ -109,16 +111,16 @@ def response_of(
 def search(config: GainConfig) -> Search:
     """The search for one joint's gains."""
     own = yield Gains()
-    kp, kp_rings = yield from _edge(lambda share: Gains(kp=share), config, own)
+    kp, kp_rings = yield from _limit(lambda share: Gains(kp=share), config, own)
     calm = Response(np.nan, 0.0, False)
-    kd, kd_rings = yield from _edge(lambda share: Gains(kp, share), config, calm)
+    kd, kd_rings = yield from _limit(lambda share: Gains(kp, share), config, calm)
     return Tuned(own, kp_rings, kd_rings, Gains(kp, kd))
 
 
-def _edge(
+def _limit(
     gains: Callable[[float], Gains], config: GainConfig, first: Response
 ) -> Generator[Gains, Response, tuple[float, float | None]]:
-    """A gain that does not ring, and the lowest one that does.
+    """A gain that does not ring, and the lowest gain that rings.
 
     If no gain rings, there is no reason to change the robot's own gain.
 
@@ -130,9 +132,9 @@ def _edge(
     share, response = 1.0, first
     if response.rings:
         while response.rings and share > MIN_GAIN:
-            rings, share = share, share * config.backoff
+            lowest_ringing, share = share, share * config.backoff
             response = yield gains(share)
-        return share, rings
+        return share, lowest_ringing
     while share * config.raise_by <= config.max_gain:
         share *= config.raise_by
         response = yield gains(share)
@@ -155,7 +157,7 @@ class GainSearch:
         self._default_pose = self._start = robot.default_pose
         self._senses = swing_senses(robot)
         longest = max(map(len, robot.foot_joints))
-        self._waiting = [
+        self._remaining = [
             [int(joints[index]) for joints in robot.foot_joints if index < len(joints)]
             for index in range(longest)
         ]
@@ -167,12 +169,12 @@ class GainSearch:
         """Duration of the longest possible search."""
         config = self._config
         trials = 2 + 2 * math.ceil(math.log(max(config.max_gain, 1.0 / MIN_GAIN)) / math.log(config.raise_by))
-        return config.settle_s + len(self._waiting) * (trials * config.trial_s + 4 * config.settle_s)
+        return config.settle_s + len(self._remaining) * (trials * config.trial_s + 4 * config.settle_s)
 
     @property
     def done(self) -> bool:
         """Whether all joints have a result."""
-        return not self._waiting and not self._trials
+        return not self._remaining and not self._trials
 
     def reset(self, inputs: PolicyInput) -> None:
         self._start = inputs.sensed.joint_position.copy()
@@ -188,8 +190,8 @@ class GainSearch:
             share = smooth_rise(time_s, self._config.settle_s)
             target = self._start + share * (self._default_pose - self._start)
             return JointCommand(target, zero, kp, kd, zero)
-        if not self._trials and self._waiting:
-            self._trials = [self._trial(joint, time_s) for joint in self._waiting.pop(0)]
+        if not self._trials and self._remaining:
+            self._trials = [self._trial(joint, time_s) for joint in self._remaining.pop(0)]
         for trial in list(self._trials):
             joint = trial.joint
             gains = trial.tick(time_s, sensed.joint_position[joint], sensed.joint_velocity[joint])
@@ -215,7 +217,7 @@ class _Trials:
     """The trials of one joint: the target alternates between the default pose and a step away from it."""
 
     def __init__(self, joint: int, step: Callable[[float], float], config: GainConfig, time_s: float) -> None:
-        self.joint, self._step_at, self._config = joint, step, config
+        self.joint, self._step_of, self._config = joint, step, config
         self._search = search(config)
         self._gains = next(self._search)
         self.offset = 0.0
@@ -228,18 +230,18 @@ class _Trials:
         if time_s < self._begin_s:
             return RESTING_GAINS
         if not self._samples:
-            self._step = -self.offset if self.offset else self._step_at(self._gains.kp)
+            self._step = -self.offset if self.offset else self._step_of(self._gains.kp)
             self.offset += self._step
             self._first = position
         self._samples.append((time_s - self._begin_s, position - self._first, velocity))
-        lost = abs(position - self._first - self._step) > MAX_ERROR_STEPS * abs(self._step)
-        if lost or time_s - self._begin_s >= self._config.trial_s:
+        too_far = abs(position - self._first - self._step) > MAX_ERROR_STEPS * abs(self._step)
+        if too_far or time_s - self._begin_s >= self._config.trial_s:
             self._finish(time_s)
         return self._gains
 
     def _finish(self, time_s: float) -> None:
-        times, position, velocity = np.array(self._samples).T
-        response = response_of(times, position, velocity, self._step, self._config)
+        times_s, position, velocity = np.array(self._samples).T
+        response = response_of(times_s, position, velocity, self._step, self._config)
         self._samples = []
         self._begin_s = time_s + (self._config.settle_s if response.rings else 0.0)
         try:

@@ -44,8 +44,8 @@ def freeze_unidentifiable(problem: Problem, slope: np.ndarray, noise: float) -> 
         worst = null_directions(factor[:, kept], names, noise, MAX_SIGMA)
         if not worst:
             break
-        inside = [rows[name] for name in worst[0].parts]
-        first = min(inside, key=lambda row: ORDER.index(problem.parameters[row].quantity))
+        members = [rows[name] for name in worst[0].parts]
+        first = min(members, key=lambda row: ORDER.index(problem.parameters[row].quantity))
         frozen[problem.parameters[first]] = worst[0]
         kept.remove(first)
     if frozen:
@@ -64,17 +64,17 @@ def delay_profile(problem: Problem, x: np.ndarray) -> Profile:
         Shifts in seconds, rms of the residuals in units of their noise, and the other parameters in scales.
     """
     coarse = coarsened(problem)
-    numbers = problem.numbers(x[:, None])[:, 0]
+    values = problem.numbers(x[:, None])[:, 0]
     delays = {
-        each: value for each, value in zip(problem.parameters, numbers, strict=True) if each.quantity == DELAY
+        each: value for each, value in zip(problem.parameters, values, strict=True) if each.quantity == DELAY
     }
-    rest = [row for row, each in enumerate(problem.parameters) if each.quantity != DELAY]
-    free = tuple(problem.parameters[row] for row in rest)
+    others = [row for row, each in enumerate(problem.parameters) if each.quantity != DELAY]
+    free = tuple(problem.parameters[row] for row in others)
 
     def fit_at(shift_s: float) -> tuple[float, np.ndarray]:
         fixed = problem.fixed | {each: max(0.0, value + shift_s) for each, value in delays.items()}
         shifted = replace(coarse, parameters=free, fixed=fixed)
-        best = gauss_newton(shifted, PROFILE_ROUNDS, x[rest])
+        best = gauss_newton(shifted, PROFILE_ROUNDS, x[others])
         position, _ = shifted.errors(best[:, None])
         return float(np.sqrt(((position / shifted.position_sigma) ** 2).mean())), best
 

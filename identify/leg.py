@@ -52,7 +52,7 @@ def _fixed_leg(robot: Robot, leg: int) -> FixedLeg:
     for joint in list(spec.joints):
         if joint.type == mujoco.mjtJoint.mjJNT_FREE:
             spec.delete(joint)
-    kept = {body for name in foot.joints for body in _path(spec.joint(name).parent)}
+    kept = {body for name in foot.joints for body in _with_ancestors(spec.joint(name).parent)}
     for body in list(spec.bodies[1:]):
         if body.name not in kept and body.parent.name in {*kept, "world"}:
             spec.delete(body)
@@ -76,7 +76,7 @@ def joint_addresses_of(model: mujoco.MjModel, names: tuple[str, ...]) -> tuple[l
     return [int(model.jnt_qposadr[each]) for each in ids], [int(model.jnt_dofadr[each]) for each in ids]
 
 
-def _path(body: mujoco.MjsBody) -> list[str]:
+def _with_ancestors(body: mujoco.MjsBody) -> list[str]:
     """Names of a body and of its ancestors."""
     names = []
     while body is not None and body.name != "world":

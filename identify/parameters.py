@@ -15,7 +15,7 @@ LEG = "leg"  # owner of quantities that all joints of a leg share
 class Quantity(NamedTuple):
     """A quantity to fit, for each joint, each body or the whole leg."""
 
-    of: str  # "joint", "body" or "leg"
+    owner_kind: str  # "joint", "body" or "leg"
     unit: str  # "" for a factor on the nominal value
     nominal: float
     low: float
@@ -89,7 +89,7 @@ def parameters_of(leg: FixedLeg, effects: Sequence[str] = ()) -> tuple[Parameter
 
 
 def _owners(leg: FixedLeg, name: str) -> tuple[str, ...]:
-    return {"joint": leg.joint_names, "body": leg.body_names, "leg": (LEG,)}[KINDS[name].of]
+    return {"joint": leg.joint_names, "body": leg.body_names, "leg": (LEG,)}[KINDS[name].owner_kind]
 
 
 def nominal(parameters: Sequence[Parameter]) -> np.ndarray:
@@ -102,37 +102,37 @@ def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarra
     count = numbers.shape[1]
     row_of = {(each.quantity, each.owner): row for row, each in enumerate(parameters)}
 
-    def all_of(name: str) -> np.ndarray:
+    def of_owners(name: str) -> np.ndarray:
         """Values of a quantity, (K, owners)."""
         rows = [row_of.get((name, owner)) for owner in _owners(leg, name)]
         return np.stack(
             [np.full(count, KINDS[name].nominal) if row is None else numbers[row] for row in rows], axis=1
         )
 
-    def joint(name: str) -> np.ndarray:
-        return all_of(name)[:, None, :]
+    def of_joints(name: str) -> np.ndarray:
+        return of_owners(name)[:, None, :]
 
-    motor, base = leg.motor, np.ones((count, 1, leg.count))
-    fields = {name: value * base for name, value in motor._asdict().items() if value is not None}
+    motor, ones = leg.motor, np.ones((count, 1, leg.count))
+    fields = {name: value * ones for name, value in motor._asdict().items() if value is not None}
     for name in {each.quantity for each in parameters if each.kind.field}:
         field = EFFECTS[name].field
-        fields[field] = fields.get(field, 0.0) + joint(name)
+        fields[field] = fields.get(field, 0.0) + of_joints(name)
     return Values(
-        armature=leg.armature * all_of("armature"),
+        armature=leg.armature * of_owners("armature"),
         motor=motor._replace(
             **fields
             | {
-                "friction": motor.friction * joint("joint_friction"),
-                "damping": motor.damping + joint("joint_damping"),
-                "friction_speed": motor.friction_speed * joint("friction_speed"),
-                "strength": motor.strength * joint("motor_strength"),
-                "lag_s": (0.0 if motor.lag_s is None else motor.lag_s) + joint("torque_lag_s"),
+                "friction": motor.friction * of_joints("joint_friction"),
+                "damping": motor.damping + of_joints("joint_damping"),
+                "friction_speed": motor.friction_speed * of_joints("friction_speed"),
+                "strength": motor.strength * of_joints("motor_strength"),
+                "lag_s": (0.0 if motor.lag_s is None else motor.lag_s) + of_joints("torque_lag_s"),
             }
         ),
-        encoder_bias=joint("encoder_bias"),
-        kp=joint("kp"),
-        kd=joint("kd"),
-        delay_s=all_of("delay_s"),
-        link_mass=all_of("link_mass"),
-        link_com=all_of("link_com"),
+        encoder_bias=of_joints("encoder_bias"),
+        kp=of_joints("kp"),
+        kd=of_joints("kd"),
+        delay_s=of_owners("delay_s"),
+        link_mass=of_owners("link_mass"),
+        link_com=of_owners("link_com"),
     )

@@ -58,7 +58,7 @@ class Problem:
         return result
 
     def numbers(self, x: np.ndarray) -> np.ndarray:
-        """Parameters (p, K) in their own units. A solver may round a bound to just beyond it."""
+        """Parameters (p, K) in their own units, clipped: a solver may round a bound to just beyond it."""
         kinds = [each.kind for each in self.parameters]
         scale, low, high = (
             np.array([getattr(kind, name) for kind in kinds]) for name in ("scale", "low", "high")
@@ -70,12 +70,12 @@ class Problem:
         """Predicted minus measured positions, rad, and torques, N m, for candidates (p, K): (K, W, R, n)."""
         count = x.shape[1]
         fixed = tuple(self.fixed)
-        known = np.array(list(self.fixed.values())).reshape(-1, 1) * np.ones(count)
-        numbers = np.concatenate([self.numbers(x), known])
+        fixed_values = np.array(list(self.fixed.values())).reshape(-1, 1) * np.ones(count)
+        numbers = np.concatenate([self.numbers(x), fixed_values])
         values = values_of(self.leg, (*self.parameters, *fixed), numbers)
-        begin = np.broadcast_to(self.start, (count, *self.start.shape)) if start is None else start
-        found = simulate(self.leg, self.windows, values, begin)
-        return found.position - self.windows.position, found.torque - self.windows.torque
+        starts = np.broadcast_to(self.start, (count, *self.start.shape)) if start is None else start
+        prediction = simulate(self.leg, self.windows, values, starts)
+        return prediction.position - self.windows.position, prediction.torque - self.windows.torque
 
     def _residuals(self, x: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
         """Weighted residuals, (K, W, m)."""
@@ -89,12 +89,12 @@ class Problem:
     def refine_starts(self, x: np.ndarray) -> None:
         """Move each window's start to its optimum at `x`, (p,), and take its effect out of the residuals.
 
-        If a joint sticks, the cost has several minima: a step begins at the estimated start where that costs
-        less than the current one, and is shortened where it does not reduce the cost.
+        If a joint sticks, the cost has several minima. So a step begins at the estimated start where its cost
+        is lower than that of the current start. A step that does not reduce the cost is shortened.
         """
         self._elimination = None
-        both = np.stack([self.start, self.windows.start])
-        self.start = _best(both, self._start_costs(x, both))
+        choices = np.stack([self.start, self.windows.start])
+        self.start = _best(choices, self._start_costs(x, choices))
         w, _, n = self.start.shape
         step = start_step(
             lambda starts: self._residuals(
@@ -111,13 +111,15 @@ class Problem:
 
     def _start_costs(self, x: np.ndarray, start: np.ndarray) -> np.ndarray:
         """Cost of each window with its start, (C, W), for C choices of starts (C, W, 2, n)."""
-        found = self._residuals(np.repeat(x[:, None], len(start), axis=1), start)
+        residuals = self._residuals(np.repeat(x[:, None], len(start), axis=1), start)
         deviation = (start - self.windows.start) / START_SIGMA[:, None]
-        costs: np.ndarray = (found**2).sum(axis=2) + (deviation**2).sum(axis=(2, 3))
+        costs: np.ndarray = (residuals**2).sum(axis=2) + (deviation**2).sum(axis=(2, 3))
         return costs
 
     def reweight(self, x: np.ndarray) -> None:
-        """Weight residuals at `x`, (p,): torque by its deviation; outliers and correlated residuals less.
+        """Set the weights from the residuals at `x`, (p,): less for outliers and correlated residuals.
+
+        The deviation of the torque errors replaces `torque_sigma`.
 
         The readings of a joint that hardly moves all have the same rounding error: a hundred of them carry no
         more information than one.
@@ -127,18 +129,18 @@ class Problem:
         deviation = robust_sigma(np.nan_to_num(torque), axis=(0, 1, 2))
         used = np.isfinite(self.torque_sigma)
         self.torque_sigma = np.where(used, np.maximum(deviation, MIN_TORQUE_SIGMA_NM), np.inf)
-        found = self._residuals(x[:, None])[0]
-        sigma = float(robust_sigma(found[found != 0.0])) if found.any() else 1.0
+        residuals = self._residuals(x[:, None])[0]
+        sigma = float(robust_sigma(residuals[residuals != 0.0])) if residuals.any() else 1.0
         w, rows, n = self.windows.position.shape
-        correlated = np.sqrt(_correlation_times(found.reshape(w, 2, rows, n)))
+        correlation = np.sqrt(_correlation_times(residuals.reshape(w, 2, rows, n)))
         self.weight = 1.0 / (
-            outlier_factor(found, sigma) * np.broadcast_to(correlated, (w, 2, rows, n)).reshape(w, -1)
+            outlier_factor(residuals, sigma) * np.broadcast_to(correlation, (w, 2, rows, n)).reshape(w, -1)
         )
 
     def by_window(self, x: np.ndarray) -> np.ndarray:
         """Residuals without the effect of the starts, (K, W, m), for candidates (p, K)."""
-        found = self._residuals(x)
-        return found if self._elimination is None else self._elimination.apply(found)
+        residuals = self._residuals(x)
+        return residuals if self._elimination is None else self._elimination.apply(residuals)
 
     def slopes(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals by window, (W, m), and their derivatives, (W, m, p), at x."""
@@ -146,12 +148,12 @@ class Problem:
 
     def residual(self, x: np.ndarray) -> np.ndarray:
         """Function for `mujoco.minimize`: residuals (residuals, K) of candidates (p, K)."""
-        found = self.by_window(x)
-        return found.reshape(len(found), -1).T
+        residuals = self.by_window(x)
+        return residuals.reshape(len(residuals), -1).T
 
 
 def _correlation_times(residual: np.ndarray) -> np.ndarray:
-    """Number of residuals, at least 1, with the information of one independent one: (W, 2, 1, n).
+    """Number of residuals, at least 1, that carry the information of one independent residual, (W, 2, 1, n).
 
     From the variance of batch means, which is inversely proportional to a batch's length if residuals are
     independent.
@@ -161,9 +163,9 @@ def _correlation_times(residual: np.ndarray) -> np.ndarray:
     """
     w, kinds, rows, n = residual.shape
     length = max(1, rows // BATCHES)
-    whole = residual[:, :, : rows // length * length].reshape(w, kinds, -1, length, n)
-    mean_squares = (whole.mean(axis=3) ** 2).mean(axis=2)
-    squares = (whole**2).mean(axis=(2, 3))
+    batches = residual[:, :, : rows // length * length].reshape(w, kinds, -1, length, n)
+    mean_squares = (batches.mean(axis=3) ** 2).mean(axis=2)
+    squares = (batches**2).mean(axis=(2, 3))
     ratio = length * mean_squares / np.where(squares > 0.0, squares, 1.0)
     result: np.ndarray = np.maximum(ratio, 1.0)[:, :, None]
     return result

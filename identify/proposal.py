@@ -18,7 +18,7 @@ from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.spec_edits import make_inertia_explicit
 
-IN_FOLDER = (  # written to the model: ranges are around the model's values
+IN_MODEL = (  # written to the model: ranges are around the model's values
     "armature",
     "joint_friction",
     "joint_damping",
@@ -93,7 +93,9 @@ def _set_damping(joint: mujoco.MjsJoint, damping: float) -> None:
     joint.damping = values if np.ndim(joint.damping) else damping
 
 
-def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: Path, with_net: bool) -> str:
+def _ranges(
+    robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own_file: Path, with_net: bool
+) -> str:
     """Content of randomisation.yaml: the robot's own ranges of quantities not identified, then new ones."""
     lines = [
         "# Identified from the robot's own motion by `footfall identify fit`. Ground friction,",
@@ -101,20 +103,20 @@ def _ranges(robot: Robot, fits: Sequence[LegFit], sources: Sequence[str], own: P
         f"# Nominal robot: {robot.name}, digest {robot.digest}.",
         *(f"# Recording: {source}" for source in sources),
     ]
-    found = {}
-    for name in (*IN_FOLDER, *RANGED):
-        limits = _range(name, fits, name in IN_FOLDER or (with_net and name in LEARNED))
+    ranges = {}
+    for name in (*IN_MODEL, *RANGED):
+        limits = _range(name, fits, name in IN_MODEL or (with_net and name in LEARNED))
         if limits is not None:
-            found[name] = limits
+            ranges[name] = limits
     delays = [each.value for fit in fits for each in fit.estimates if each.parameter.quantity == "delay_s"]
     if delays:
         floor = KINDS["delay_s"].floor
-        found["action_delay_s"] = max(0.0, min(delays) - floor), max(delays) + floor
-    if own.is_file():
-        lines += [line for line in own.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
-        kept = {name: value for name, value in (read_yaml(own) or {}).items() if name not in found}
+        ranges["action_delay_s"] = max(0.0, min(delays) - floor), max(delays) + floor
+    if own_file.is_file():
+        lines += [line for line in own_file.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
+        kept = {name: value for name, value in (read_yaml(own_file) or {}).items() if name not in ranges}
         lines += yaml.safe_dump(kept, default_flow_style=None, sort_keys=False).splitlines() if kept else []
-    lines += [f"{name}: {{low: {low:.5g}, high: {high:.5g}}}" for name, (low, high) in found.items()]
+    lines += [f"{name}: {{low: {low:.5g}, high: {high:.5g}}}" for name, (low, high) in ranges.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -152,4 +154,4 @@ def table_rows(fits: Sequence[LegFit]) -> list[tuple[str, str, str, str, str]]:
 
 
 def _owner(parameter: Parameter, fit: LegFit) -> str:
-    return parameter.owner if parameter.kind.of != "leg" else fit.leg.name
+    return parameter.owner if parameter.kind.owner_kind != "leg" else fit.leg.name

@@ -54,14 +54,14 @@ def run_on_stand(
 ) -> SessionResult:
     """Run until `duration_s` is over, `done` is true, or a motor gets warm."""
     max_c = robot.motor_figures("temperature_limit_c") - TEMPERATURE_MARGIN_C
-    warm: list[str] = []
+    warm_notes: list[str] = []
 
     def watch(loop: ControlLoop) -> None:
-        hot = np.flatnonzero(loop.temperature_c > max_c)
-        if len(hot) and not warm:
-            name = robot.joint_names[hot[0]]
-            warm.append(f"ended early: {name} is at {loop.temperature_c[hot[0]]:.0f} °C")
-        if warm or done():
+        warm = np.flatnonzero(loop.temperature_c > max_c)
+        if len(warm) and not warm_notes:
+            name = robot.joint_names[warm[0]]
+            warm_notes.append(f"ended early: {name} is at {loop.temperature_c[warm[0]]:.0f} °C")
+        if warm_notes or done():
             loop.finish(skip_lie_down=True)
 
     session = Session(
@@ -75,4 +75,4 @@ def run_on_stand(
         stop_inputs=realtime,
     )
     outcome = run_session(robot, policy, bus, session, watch)
-    return replace(outcome, notes=(*outcome.notes, *warm))
+    return replace(outcome, notes=(*outcome.notes, *warm_notes))

@@ -14,7 +14,7 @@ from footfall.robots.description import Robot
 
 MIN_TICKS = 100
 MIN_STEP = 1e-7  # between readings; a smaller difference is an error of floating-point numbers
-# A larger step than this plus this multiple of the no-load speed is a jump.
+# A position step is a jump if it exceeds JUMP_RAD plus SPEED_FACTOR times the travel at no-load speed.
 JUMP_RAD = 0.1
 SPEED_FACTOR = 2.0
 
@@ -41,7 +41,7 @@ class Recording:
     def position_noise_rad(self) -> np.ndarray:
         """Standard deviation of the position readings' noise, (n,).
 
-        A joint that never moved is taken to be rounded like the coarsest of the others.
+        A joint that never moved is assumed to have the largest rounding error of all joints.
         """
         rounding = max(_rounding_error(each) for each in self.position.T)
         moved = np.ptp(self.position, axis=0) > 0.0
@@ -134,9 +134,9 @@ def _between(columns: LogColumns, source: str, count: int, begin_s: float, end_s
         raise UserError(f"{source} has too few commands and readings between {begin_s:g} and {end_s:g} s")
     times, command_rows, reading_rows = times[inside], command_rows[inside], reading_rows[inside]
     target, gain = targets.values[command_rows], gains.values[command_rows]
-    read = readings.values[reading_rows]
+    reading = readings.values[reading_rows]
     imu = columns.column("/imu/data", 37)
-    moving = (imu.time_s >= begin_s) & (imu.time_s < end_s)
+    imu_inside = (imu.time_s >= begin_s) & (imu.time_s < end_s)
     return Recording(
         source=source,
         time_s=times,
@@ -144,10 +144,10 @@ def _between(columns: LogColumns, source: str, count: int, begin_s: float, end_s
             -1, 5, count
         ),
         read_s=times[:, None] - ages.values[reading_rows, :count],
-        position=read[:, :count],
-        torque=read[:, 2 * count :],
-        turn_rad_s=float(np.sqrt((imu.values[moving, 13:16] ** 2).sum(axis=1).mean())),
-        gravity=_gravity(imu.values[moving, :4]),
+        position=reading[:, :count],
+        torque=reading[:, 2 * count :],
+        turn_rad_s=float(np.sqrt((imu.values[imu_inside, 13:16] ** 2).sum(axis=1).mean())),
+        gravity=_gravity(imu.values[imu_inside, :4]),
     )
 
 

@@ -21,10 +21,10 @@ def block_weights(groups: np.ndarray, count: int, rng: np.random.Generator) -> n
         count: number of resamples.
         rng: random generator.
     """
-    names, member = np.unique(groups, return_inverse=True)
+    distinct, group_index = np.unique(groups, return_inverse=True)
     weights = rng.exponential(size=(count, len(groups)))
-    if len(names) > 2:
-        weights = weights * rng.exponential(size=(count, len(names)))[:, member]
+    if len(distinct) > 2:
+        weights = weights * rng.exponential(size=(count, len(distinct)))[:, group_index]
     result: np.ndarray = weights / weights.mean(axis=1, keepdims=True)
     return result
 
@@ -52,9 +52,9 @@ def refitted(
     grams = np.einsum("bw,wij->bij", weights, np.einsum("wmi,wmj->wij", slope, slope))
     grams = grams + RIDGE * np.eye(len(x))
 
-    def step(found: np.ndarray) -> np.ndarray:
+    def step(residuals: np.ndarray) -> np.ndarray:
         """Gauss-Newton steps, (B, p), of residuals (B, W, m)."""
-        gradients = np.einsum("bw,bwi->bi", weights, np.einsum("wmi,bwm->bwi", slope, found))
+        gradients = np.einsum("bw,bwi->bi", weights, np.einsum("wmi,bwm->bwi", slope, residuals))
         moves: np.ndarray = np.linalg.solve(grams, gradients[..., None])[..., 0]
         return -moves
 

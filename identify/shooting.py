@@ -43,9 +43,10 @@ class Shooting:
     start: np.ndarray  # (W, s) estimated
     start_sigma: np.ndarray  # (s,) standard deviation of that estimate
     recording: np.ndarray  # (W,) index of the recording of each window
-    # (W,); empty: recordings count alike.
+    # (W,); empty: all recordings have the same weight.
     window_weight: np.ndarray = field(default_factory=lambda: np.ones(0))
-    point_weight: np.ndarray = field(default_factory=lambda: np.ones(0))  # (W, R, c) of outliers; empty: ones
+    # (W, R, c), less for outliers; empty: ones.
+    point_weight: np.ndarray = field(default_factory=lambda: np.ones(0))
 
     @property
     def recordings(self) -> np.ndarray:
@@ -60,35 +61,35 @@ class Shooting:
     @property
     def bounds(self) -> list[np.ndarray]:
         """Bounds of the scaled parameters, (p,) each."""
-        ends = np.array([(each.low, each.high) for each in self.numbers])
-        return [self.scaled(ends[:, 0]), self.scaled(ends[:, 1])]
+        limits = np.array([(each.low, each.high) for each in self.numbers])
+        return [self.scaled(limits[:, 0]), self.scaled(limits[:, 1])]
 
     def scaled(self, numbers: np.ndarray) -> np.ndarray:
         """Convert parameters (p,) or (p, K) to differences from their initial values, in scales."""
-        centre, scale = self._frame(numbers.ndim)
+        centre, scale = self._centre_and_scale(numbers.ndim)
         result: np.ndarray = (numbers - centre) / scale
         return result
 
     def unscaled(self, x: np.ndarray) -> np.ndarray:
         """Inverse of `scaled`."""
-        centre, scale = self._frame(x.ndim)
+        centre, scale = self._centre_and_scale(x.ndim)
         result: np.ndarray = centre + scale * x
         return result
 
-    def _frame(self, ndim: int) -> tuple[np.ndarray, np.ndarray]:
+    def _centre_and_scale(self, ndim: int) -> tuple[np.ndarray, np.ndarray]:
         shape = (-1,) + (1,) * (ndim - 1)
         return self.guess.reshape(shape), np.array([each.scale for each in self.numbers]).reshape(shape)
 
-    def of(self, recordings: Sequence[int] | np.ndarray, without: np.ndarray | None = None) -> "Shooting":
+    def of(self, recordings: Sequence[int] | np.ndarray, excluded: np.ndarray | None = None) -> "Shooting":
         """The same fit with weight on some recordings only.
 
         Args:
             recordings: indices of recordings; all have the same weight, whatever their length. A recording
                 that is listed twice counts twice.
-            without: (W,) true for windows that do not count.
+            excluded: (W,) true for windows that do not count.
         """
         repeats = np.bincount(np.asarray(recordings), minlength=int(self.recording.max()) + 1)
-        kept = repeats[self.recording] * (1.0 if without is None else ~without)
+        kept = repeats[self.recording] * (1.0 if excluded is None else ~excluded)
         sizes = np.bincount(self.recording, weights=kept > 0.0, minlength=len(repeats))
         weight = kept / np.maximum(sizes, 1.0)[self.recording]
         return replace(self, window_weight=weight / weight.sum() * (weight > 0.0).sum())
@@ -117,23 +118,25 @@ class Shooting:
         result: np.ndarray = simulated - self.measured
         return result
 
-    def fit(self, first: np.ndarray | None = None, rounds: int = 3, iterations: int = 8) -> np.ndarray:
+    def fit(self, initial: np.ndarray | None = None, rounds: int = 3, iterations: int = 8) -> np.ndarray:
         """Least-squares estimate of the parameters, (p,).
 
         Args:
-            first: initial parameters, (p,).
+            initial: initial parameters, (p,).
             rounds: number of refinements of starts and of outliers' weights.
             iterations: maximum number of Gauss-Newton steps in a round.
         """
-        x = self.scaled(self.guess if first is None else first)
-        now = self
+        x = self.scaled(self.guess if initial is None else initial)
+        current = self
         for _ in range(rounds):
-            now, elimination = now._with_better_starts(x, self.start)
-            now = now._reweighted(x)
-            now, elimination = now._with_better_starts(x, self.start)
+            current, elimination = current._with_better_starts(x, self.start)
+            current = current._reweighted(x)
+            current, elimination = current._with_better_starts(x, self.start)
             x, _ = minimize.least_squares(
                 x,
-                lambda at, now=now, elimination=elimination: now._flat(at, elimination),
+                lambda candidates, current=current, elimination=elimination: current._stacked(
+                    candidates, elimination
+                ),
                 self.bounds,
                 eps=EPS,
                 max_iter=iterations,
@@ -147,10 +150,10 @@ class Shooting:
 
         The effect of the starts is taken out of the residuals.
         """
-        x, now = self.scaled(numbers), self
+        x, current = self.scaled(numbers), self
         for _ in range(START_ROUNDS):
-            now, elimination = now._with_better_starts(x, self.start)
-        return lambda candidates: now._without_starts(candidates, elimination)
+            current, elimination = current._with_better_starts(x, self.start)
+        return lambda candidates: current._without_starts(candidates, elimination)
 
     def slopes(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals by window, (W, m), and their derivatives by scaled parameters, (W, m, p)."""
@@ -183,14 +186,13 @@ class Shooting:
 
         moved = self.start + step.move
         residuals = self._residuals(x[:, None], moved[None])[0]
-        # A sticking joint has no derivative.
+        # A step can increase the cost: a sticking joint has no derivative.
         better = cost(residuals, moved) < cost(step.residuals, self.start)
         return replace(self, start=np.where(better[:, None], moved, self.start)), step.elimination
 
     def _reweighted(self, x: np.ndarray) -> "Shooting":
         """Reduce the weight of outliers (Cauchy loss)."""
-        plain = replace(self, point_weight=np.ones(0))
-        error = (self.simulate(self.unscaled(x[:, None]), self.start[None])[0] - self.measured) / plain.sigma
+        error = (self.simulate(self.unscaled(x[:, None]), self.start[None])[0] - self.measured) / self.sigma
         known = np.isfinite(error) & (self.weight > 0.0)[:, None, None]
         factor = outlier_factor(np.nan_to_num(error), float(robust_sigma(error[known])))
         return replace(self, point_weight=1.0 / factor)
@@ -201,7 +203,7 @@ class Shooting:
             self._residuals(x, np.broadcast_to(self.start, (x.shape[1], *self.start.shape)))
         )
 
-    def _flat(self, x: np.ndarray, elimination: Elimination) -> np.ndarray:
+    def _stacked(self, x: np.ndarray, elimination: Elimination) -> np.ndarray:
         """Function for `mujoco.minimize`: residuals (residuals, K) of candidates (p, K)."""
-        found = self._without_starts(x, elimination)
-        return found.reshape(len(found), -1).T
+        residuals = self._without_starts(x, elimination)
+        return residuals.reshape(len(residuals), -1).T

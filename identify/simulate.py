@@ -43,7 +43,7 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
     state = np.zeros((count * width, 1 + 2 * n))
     state[:, 1 : 1 + n] = position.reshape(-1, n)
     state[:, 1 + n :] = velocity.reshape(-1, n)
-    after = np.zeros((count * width, 1, 1 + 2 * n))
+    next_state = np.zeros((count * width, 1, 1 + 2 * n))
     force, sensors = np.zeros((count * width, 1, n)), np.zeros((count * width, 1, 0))
     datas = [mujoco.MjData(leg.model)]
     spec = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED)
@@ -53,9 +53,9 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
     path, torques = np.empty((steps + 1, count, width, n)), np.empty((steps + 1, count, width, n))
     with rollout.Rollout(nthread=0) as runner:
         for step in range(steps):
-            now = state.reshape(count, width, -1)
-            at, speed = now[:, :, 1 : 1 + n], now[:, :, 1 + n :]
-            path[step] = at
+            states = state.reshape(count, width, -1)
+            joint_position, joint_velocity = states[:, :, 1 : 1 + n], states[:, :, 1 + n :]
+            path[step] = joint_position
             sent = _command(windows.command, windows.margin + step - whole)
             command = JointCommand(
                 sent[:, :, 0],
@@ -64,25 +64,27 @@ def simulate(leg: FixedLeg, windows: Windows, values: Values, start: np.ndarray)
                 sent[:, :, 3] * values.kd,
                 sent[:, :, 4],
             )
-            demand = motor_torque(command, at + values.encoder_bias, speed, values.motor)
+            demand = motor_torque(command, joint_position + values.encoder_bias, joint_velocity, values.motor)
             if lag is None:
                 torque = demand
             else:
                 torque, before = lagged(demand, demand if before is None else before, lag)
             torques[step + 1] = torque
-            at_joint = torque + friction_torque(speed, values.motor, torque)
+            joint_torque = torque + friction_torque(joint_velocity, values.motor, torque)
             if leg.net is not None:
-                inputs = inputs_of(leg.net, command, at + values.encoder_bias, speed, torque)
+                inputs = inputs_of(
+                    leg.net, command, joint_position + values.encoder_bias, joint_velocity, torque
+                )
                 if memory is None:
                     memory = np.repeat(inputs[..., None, :], len(leg.net.memory_s), axis=-2)
                 learned = learned_torque(leg.net, inputs, memory, windows.step_s)
-                at_joint, memory = at_joint + learned.torque, learned.memory
-            force[:, 0] = at_joint.reshape(-1, n)
+                joint_torque, memory = joint_torque + learned.torque, learned.memory
+            force[:, 0] = joint_torque.reshape(-1, n)
             runner.rollout(
-                models, datas, state, force, control_spec=spec, skip_checks=True, nstep=1, state=after,
+                models, datas, state, force, control_spec=spec, skip_checks=True, nstep=1, state=next_state,
                 sensordata=sensors,
             )  # fmt: skip
-            state[:] = after[:, 0]
+            state[:] = next_state[:, 0]
     path[steps] = state.reshape(count, width, -1)[:, :, 1 : 1 + n]
     torques[0] = torques[1]
     steps_at = windows.time_s / windows.step_s - share[:, :, None]
@@ -116,8 +118,8 @@ def _delays(delay_s: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]
 def _command(command: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Commands in effect, (K, W, 5, n), from commands on the physics grid, (T, W, 5, n), and rows (K, n)."""
     joint = np.arange(command.shape[3])
-    found: np.ndarray = command[rows, :, :, joint].transpose(0, 2, 3, 1)
-    return found
+    active: np.ndarray = command[rows, :, :, joint].transpose(0, 2, 3, 1)
+    return active
 
 
 def _read(path: np.ndarray, steps_at: np.ndarray) -> np.ndarray:
@@ -127,5 +129,5 @@ def _read(path: np.ndarray, steps_at: np.ndarray) -> np.ndarray:
     share = steps_at - before
     candidate, window, _, joint = np.ogrid[tuple(slice(size) for size in steps_at.shape)]
     low = path[before, candidate, window, joint]
-    found: np.ndarray = low + share * (path[before + 1, candidate, window, joint] - low)
-    return found
+    readings: np.ndarray = low + share * (path[before + 1, candidate, window, joint] - low)
+    return readings

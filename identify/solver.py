@@ -33,11 +33,11 @@ def coarsened(problem: Problem) -> Problem:
 def gauss_newton(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
     """At most `rounds` steps from x, (p,), with starts and weights refined before each step."""
     problem.refine_starts(x)
-    for done in range(rounds):
-        if done >= UNWEIGHTED_ROUNDS:
+    for round_index in range(rounds):
+        if round_index >= UNWEIGHTED_ROUNDS:
             problem.reweight(x)
         problem.refine_starts(x)
-        found, _ = minimize.least_squares(
+        solution, _ = minimize.least_squares(
             x,
             problem.residual,
             [np.maximum(problem.low, x - MAX_STEP), np.minimum(problem.high, x + MAX_STEP)],
@@ -48,8 +48,8 @@ def gauss_newton(problem: Problem, rounds: int, x: np.ndarray) -> np.ndarray:
             x_scale="jac",
             verbose=minimize.Verbosity.SILENT,
         )
-        moved, x = float(np.abs(found - x).max()), found
-        if done > UNWEIGHTED_ROUNDS and moved < CONVERGED_STEP:
+        max_change, x = float(np.abs(solution - x).max()), solution
+        if round_index > UNWEIGHTED_ROUNDS and max_change < CONVERGED_STEP:
             break
     problem.refine_starts(x)
     return x

@@ -8,7 +8,7 @@ from footfall.common.errors import UserError
 from footfall.identify.recording import Recording
 
 MARGIN_S = 0.05  # time of commands before a window: the longest delay
-SETTLED_S = 0.01  # at the start, until earlier torque has no effect: readings are not used
+SETTLED_S = 0.01  # time at a window's start whose readings are not used: earlier torque still has an effect
 MIN_READING_SHARE = 0.9  # of the usual number of readings: a window with a longer gap is skipped
 FIT_POINTS = 5  # number of readings on either side for estimating a start
 
@@ -86,29 +86,29 @@ def cut(
             f"{recording.source} has {end - begin:.1f} s of motion: a window takes {length_s:g} s"
         )
     margin, steps = round(MARGIN_S / step_s), round(length_s / step_s)
-    every = max(1, round(1.0 / (max_hz * recording.period_s)))
-    arrived = recording.read_s[:, joints].min(axis=1)
+    stride = max(1, round(1.0 / (max_hz * recording.period_s)))
+    arrival_s = recording.read_s[:, joints].min(axis=1)
     starts = begin + length_s * np.arange(count)
-    first, settled, after = (
-        np.searchsorted(arrived, starts + offset + 1e-9) for offset in (0.0, SETTLED_S, length_s)
+    start_rows, first_rows, end_rows = (
+        np.searchsorted(arrival_s, starts + offset + 1e-9) for offset in (0.0, SETTLED_S, length_s)
     )
-    whole = after - settled >= MIN_READING_SHARE * np.median(after - settled)
-    rows = int((after - settled)[whole].min()) // every
+    complete = end_rows - first_rows >= MIN_READING_SHARE * np.median(end_rows - first_rows)
+    rows = int((end_rows - first_rows)[complete].min()) // stride
     if not rows:
         raise UserError(f"{recording.source} has hardly any readings in windows of {length_s:g} s")
     parts: dict[str, list[np.ndarray]] = {
         name: [] for name in ("command", "time", "position", "torque", "start")
     }
-    for window in np.flatnonzero(whole):
+    for window in np.flatnonzero(complete):
         start_s = starts[window]
         grid = start_s + step_s * np.arange(-margin, steps)
-        in_force = np.searchsorted(recording.time_s, grid + 1e-9, side="right") - 1
-        parts["command"].append(recording.command[in_force.clip(0)][:, :, joints])
-        chosen = settled[window] + every * np.arange(rows)
+        active = np.searchsorted(recording.time_s, grid + 1e-9, side="right") - 1
+        parts["command"].append(recording.command[active.clip(0)][:, :, joints])
+        chosen = first_rows[window] + stride * np.arange(rows)
         parts["time"].append(recording.read_s[chosen][:, joints] - start_s)
         parts["position"].append(recording.position[chosen][:, joints])
         parts["torque"].append(recording.torque[chosen][:, joints])
-        parts["start"].append(_start(recording, joints, int(first[window]), start_s))
+        parts["start"].append(_start(recording, joints, int(start_rows[window]), start_s))
     return Windows(
         np.stack(parts["command"], axis=1),
         margin,
@@ -118,16 +118,16 @@ def cut(
         np.stack(parts["torque"]),
         np.stack(parts["start"])[:, :2],
         2.0 * np.stack(parts["start"])[:, 2],
-        np.zeros(int(whole.sum()), int),
+        np.zeros(int(complete.sum()), int),
     )
 
 
 def _start(recording: Recording, joints: np.ndarray, row: int, start_s: float) -> np.ndarray:
     """Fit a parabola to the readings around a time: its coefficients there, (3, n)."""
     around = slice(max(row - FIT_POINTS, 0), row + FIT_POINTS)
-    found = []
+    coefficients = []
     for joint in joints:
         time_s = recording.read_s[around, joint] - start_s
         curve = np.polynomial.polynomial.polyfit(time_s, recording.position[around, joint], 2)
-        found.append(curve)
-    return np.array(found).T
+        coefficients.append(curve)
+    return np.array(coefficients).T

@@ -12,8 +12,8 @@ from footfall.policies.spec import split_spec
 from footfall.robots.commands import CommandRange
 from footfall.robots.description import Robot
 
-NOWHERE = CommandRange((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
-COMMAND_MARGIN = 1.2  # ratio of a command that must move the robot to the smallest one that does
+ZERO_RANGES = CommandRange((0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+COMMAND_MARGIN = 1.2  # commands must exceed a policy's standing threshold by this factor to move the robot
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Limits:
     """Range of commands that a policy follows."""
 
     ranges: CommandRange
-    slowest: float = 0.0  # commands with a smaller norm may be treated as zero
+    min_norm: float = 0.0  # commands with a smaller norm may be treated as zero
 
     @property
     def yaw_rad_s(self) -> float:
@@ -29,7 +29,7 @@ class Limits:
         return min(-self.ranges.yaw_rad_s[0], self.ranges.yaw_rad_s[1])
 
     @property
-    def anywhere(self) -> bool:
+    def omnidirectional(self) -> bool:
         """Whether the robot can walk and turn in all directions."""
         return all(low < 0.0 < high for low, high in vars(self.ranges).values())
 
@@ -49,25 +49,30 @@ def abilities_of(policies: Mapping[str, Policy], robot: Robot) -> Callable[[str]
         robot: the robot they run on.
     """
     names = tuple(policy.name for policy in policies.values())
-    found = {
+    by_name = {
         policy.name: Abilities(limits_of(spec, policy, robot), offer_of(policy)._replace(policies=names))
         for spec, policy in policies.items()
     }
-    return found.__getitem__
+    return by_name.__getitem__
 
 
 def limits_of(spec: str, policy: Policy, robot: Robot) -> Limits:
     """Commands that are within the ranges of both the robot and the policy's training."""
     own = robot.description.commands
     if (contract := policy.contract) is not None:
-        return Limits(_common(own, contract.commands), COMMAND_MARGIN * contract.standing_command)
+        return Limits(_intersection(own, contract.commands), COMMAND_MARGIN * contract.standing_command)
     name, _ = split_spec(spec)
     if name in CONTROLLERS and not CONTROLLERS[name].walks:
-        return Limits(NOWHERE)
+        return Limits(ZERO_RANGES)
     shaping: Any = getattr(load_settings(spec, robot), "command", None)
     return Limits(own, COMMAND_MARGIN * getattr(shaping, "standing_command", 0.0))
 
 
-def _common(one: CommandRange, other: CommandRange) -> CommandRange:
-    pairs = zip(vars(one).values(), vars(other).values(), strict=True)
-    return CommandRange(*((max(a[0], b[0]), min(a[1], b[1])) for a, b in pairs))
+def _intersection(own: CommandRange, trained: CommandRange) -> CommandRange:
+    pairs = zip(vars(own).values(), vars(trained).values(), strict=True)
+    return CommandRange(
+        *(
+            (max(low, trained_low), min(high, trained_high))
+            for (low, high), (trained_low, trained_high) in pairs
+        )
+    )

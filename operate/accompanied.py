@@ -1,11 +1,11 @@
-"""A command source with operators who watch, and may stop the robot."""
+"""A command source whose run operators watch; they can stop the robot."""
 
 from footfall.deploy.command_source import CommandSource, Request, Status, Stop
 from footfall.operate.inbox import Inbox
 
 
 class Accompanied:
-    """Forwards its source's requests. The inbox gets the status, and only stops from it are used."""
+    """Forwards its source's requests. The inbox gets the status; of its content, only a stop is used."""
 
     def __init__(self, source: CommandSource, inbox: Inbox) -> None:
         """`source` gives the commands; operators write to `inbox`."""

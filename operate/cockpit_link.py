@@ -27,16 +27,16 @@ class CockpitLink:
     """Connects a page's process to an inbox."""
 
     def __init__(
-        self, inbox: Inbox, connection: Connection, more: Callable[[], Mapping[str, Any]] = dict
+        self, inbox: Inbox, connection: Connection, extra_state: Callable[[], Mapping[str, Any]] = dict
     ) -> None:
         """Start the thread.
 
         Args:
             inbox: gets the commands.
             connection: connection to the process that serves the page.
-            more: returns further facts about the run, for JSON; called from the link's thread.
+            extra_state: returns further facts about the run, for JSON; called from the link's thread.
         """
-        self._inbox, self._connection, self._more = inbox, connection, more
+        self._inbox, self._connection, self._extra_state = inbox, connection, extra_state
         self._steered, self._ended = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="cockpit", daemon=True)
         self._thread.start()
@@ -55,39 +55,39 @@ class CockpitLink:
         with suppress(OSError, EOFError):  # if the other process is gone, the inbox notices the silence
             while not self._ended.is_set():
                 if self._connection.poll(max(0.0, next_s - time.monotonic())):
-                    self._take(self._connection.recv_bytes(MAX_MESSAGE_BYTES))
+                    self._handle(self._connection.recv_bytes(MAX_MESSAGE_BYTES))
                 if time.monotonic() >= next_s:
                     next_s = time.monotonic() + STATE_INTERVAL_S
                     self._send({"run": self._state()})
             self._send({"run": self._state() | {"ended": True}})
 
-    def _take(self, content: bytes) -> None:
+    def _handle(self, content: bytes) -> None:
         message = json.loads(content)
         operator = message.pop("operator")
         try:
-            refused = self._act(operator, **message)
+            refusal = self._carry_out(operator, **message)
         except Exception as error:  # a bad message must not end this thread
-            refused = f"{type(error).__name__}: {error}"[:200]
-        if refused:
-            self._send({"to": operator, "refused": refused})
+            refusal = f"{type(error).__name__}: {error}"[:200]
+        if refusal:
+            self._send({"to": operator, "refused": refusal})
 
-    def _act(self, operator: str, do: str, **given: Any) -> str:
+    def _carry_out(self, operator: str, do: str, **fields: Any) -> str:
         """Carry out an operator's request; returns why it is refused, or an empty string."""
         match do:
             case "take":
-                refused = self._inbox.take_over(operator)
-                if not refused:
+                refusal = self._inbox.take_over(operator)
+                if not refusal:
                     self._steered.set()
-                return refused
+                return refusal
             case "release":
                 return self._inbox.release(operator)
             case "stop":
-                damp = given.get("damp") is True
+                damp = fields.get("damp") is True
                 if damp or self._inbox.stopped is None:  # a page repeats a stop until it sees the effect
                     self._inbox.stop(operator, damp=damp)
                 return ""
             case "put" if self._inbox.owner == operator:
-                return self._inbox.put(operator, **given)
+                return self._inbox.put(operator, **fields)
         return "take control first" if do == "put" else f"there is no '{do}'"
 
     def _send(self, message: Mapping[str, Any]) -> None:
@@ -98,7 +98,7 @@ class CockpitLink:
         status, stop = self._inbox.status, self._inbox.stopped
         state = {"owner": self._inbox.owner, "stopped": None if stop is None else stop.reason}
         try:
-            return state | ({} if status is None else described(status)) | dict(self._more())
+            return state | ({} if status is None else described(status)) | dict(self._extra_state())
         except Exception as error:  # commands and stops must still work
             return state | {"notes": [f"the state cannot be shown: {type(error).__name__}: {error}"[:200]]}
 

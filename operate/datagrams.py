@@ -12,14 +12,14 @@ JOIN_S = 1.0
 
 
 @contextmanager
-def answered(
-    address: tuple[str, int], largest: int, answer: Callable[[bytes], bytes], option: str
+def answered_datagrams(
+    address: tuple[str, int], max_bytes: int, answer: Callable[[bytes], bytes], option: str
 ) -> Iterator[int]:
     """Answer datagrams while the context is open; yields the port.
 
     Args:
         address: host and port to listen on; port 0 chooses a free one.
-        largest: maximum size of a datagram, bytes. A longer one is cut to one byte more.
+        max_bytes: maximum size of a datagram, bytes. A longer one is cut to one byte more.
         answer: returns the reply to a datagram; empty for none.
         option: name of the command-line option, for the message.
 
@@ -37,7 +37,7 @@ def answered(
         def listen() -> None:
             while not ended.is_set():
                 with suppress(OSError):  # no datagram, or the sender is gone
-                    datagram, sender = listener.recvfrom(largest + 1)
+                    datagram, sender = listener.recvfrom(max_bytes + 1)
                     if reply := answer(datagram):
                         listener.sendto(reply, sender)
 

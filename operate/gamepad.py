@@ -1,8 +1,8 @@
 """Control by a gamepad, through Linux's joystick device.
 
 The robot moves only while the dead-man button is pressed. An unplugged device sends nothing: its last request
-ages like any operator's, so the velocity becomes zero. When plugged in again, it works after the dead-man
-button has been pressed again.
+ages like any operator's, so the velocity becomes zero. A device that is plugged in again has an effect only
+after the dead-man button has been pressed again.
 """
 
 import math
@@ -18,7 +18,7 @@ from footfall.deploy.command_source import Behaviour
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
 from footfall.operate.joystick import Joystick
-from footfall.operate.opened import Opened
+from footfall.operate.open_source import OpenSource
 from footfall.operate.operator import ZERO_MOTION, Operator
 
 NAME = "gamepad"
@@ -72,7 +72,7 @@ class Gamepad:
         self._operator, self._config = operator, config
         self.joystick = Joystick(config.device)
         buttons = config.buttons
-        self._orders: dict[int, Callable[[], None]] = {
+        self._actions: dict[int, Callable[[], None]] = {
             buttons.stop: operator.stop,
             buttons.lie_down: partial(operator.request, Behaviour.LIE_DOWN),
             buttons.stand: partial(operator.request, Behaviour.STAND),
@@ -86,22 +86,22 @@ class Gamepad:
         """Text for a status line."""
         if not self.joystick.connected:
             return f"gamepad {self._config.device} is not connected"
-        held = "" if self._alive else f"hold button {self._config.buttons.dead_man} to move"
-        return ", ".join(filter(None, ["gamepad", held, self._operator.line]))
+        hint = "" if self._dead_man_pressed else f"hold button {self._config.buttons.dead_man} to move"
+        return ", ".join(filter(None, ["gamepad", hint, self._operator.line]))
 
     def work(self, wait_s: float) -> None:
         """Read the device, and send the resulting requests."""
         for button in self.joystick.read(wait_s):
-            if button in self._orders:
-                self._orders[button]()
+            if button in self._actions:
+                self._actions[button]()
         if self.joystick.connected:  # an unplugged device requests nothing
             self._operator.move(
-                [self._share(axis) for axis in self._config.axes] if self._alive else ZERO_MOTION
+                [self._share(axis) for axis in self._config.axes] if self._dead_man_pressed else ZERO_MOTION
             )
 
     @property
-    def _alive(self) -> bool:
-        return self.joystick.down(self._config.buttons.dead_man)
+    def _dead_man_pressed(self) -> bool:
+        return self.joystick.pressed(self._config.buttons.dead_man)
 
     def _share(self, axis: int) -> float:
         """A stick's share of the maximum command; devices report forward and left as negative."""
@@ -112,7 +112,7 @@ class Gamepad:
 @contextmanager
 def steered_by_gamepad(
     inbox: Inbox, abilities: Callable[[str], Abilities], config: GamepadConfig
-) -> Iterator[Opened]:
+) -> Iterator[OpenSource]:
     """Control by a gamepad through the inbox, while the context is open.
 
     Raises:
@@ -140,7 +140,7 @@ def steered_by_gamepad(
         f"{config.device}: hold button {config.buttons.dead_man} to move, button {config.buttons.stop} STOPS"
     )
     try:
-        yield Opened(inbox, lambda: pad.line, (about,))
+        yield OpenSource(inbox, lambda: pad.line, (about,))
     finally:
         ended.set()
         thread.join(JOIN_S)

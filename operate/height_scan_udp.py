@@ -14,14 +14,14 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.deploy.height_scan import Scanned
-from footfall.operate.datagrams import answered
+from footfall.operate.datagrams import answered_datagrams
 from footfall.operate.udp import MAX_SENDERS, MIN_TOKEN_CHARS, UdpConfig
 from footfall.operate.udp_client import MAX_DATAGRAM_BYTES, SCAN, SCAN_PORT, TOKEN, unpack
 
 MAX_AGE_S = 60.0
 
 
-class Arrived(NamedTuple):
+class TimedScan(NamedTuple):
     """A scan with its time by this computer's monotonic clock."""
 
     taken_s: float
@@ -33,8 +33,8 @@ class UdpScans:
 
     def __init__(self, token: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._token, self._clock = token, clock
-        self._newest: Arrived | None = None
-        self._last: dict[str, int] = {}  # number of each sender's latest datagram
+        self._newest: TimedScan | None = None
+        self._last_numbers: dict[str, int] = {}  # number of each sender's latest datagram
 
     def receive(self, datagram: bytes) -> str:
         """Read a datagram; returns why it is refused, or an empty string."""
@@ -44,17 +44,17 @@ class UdpScans:
         sender, number, age_s = (content.get(key) for key in ("sender", "number", "age_s"))
         if not isinstance(sender, str) or not isinstance(number, int):
             return "sender and number are missing"
-        if number <= self._last.get(sender, -1):
+        if number <= self._last_numbers.get(sender, -1):
             return "an old datagram"
-        if sender not in self._last and len(self._last) >= MAX_SENDERS:
+        if sender not in self._last_numbers and len(self._last_numbers) >= MAX_SENDERS:
             return "too many senders"
         if isinstance(age_s, bool) or not isinstance(age_s, int | float) or not 0.0 <= age_s <= MAX_AGE_S:
             return f"age_s is not a number from 0 to {MAX_AGE_S:g}"
         heights = _heights(content.get("heights"))
         if heights is None:
             return "heights is not a list of numbers, with null for unknown ones"
-        self._last[sender] = number
-        self._newest = Arrived(self._clock() - age_s, heights)
+        self._last_numbers[sender] = number
+        self._newest = TimedScan(self._clock() - age_s, heights)
         return ""
 
     def answer(self, datagram: bytes) -> bytes:
@@ -71,10 +71,10 @@ class UdpScans:
         return Scanned(now_us - round(1e6 * age_s), newest.heights)
 
 
-def _heights(given: Any) -> np.ndarray | None:
-    if not isinstance(given, list):
+def _heights(content: Any) -> np.ndarray | None:
+    if not isinstance(content, list):
         return None
-    numbers = [np.nan if each is None else each for each in given]
+    numbers = [np.nan if each is None else each for each in content]
     if any(isinstance(each, bool) or not isinstance(each, int | float) for each in numbers):
         return None
     try:
@@ -104,5 +104,5 @@ def scans_by_udp(address: str = "") -> Iterator[UdpScans]:
             " sender of scans knows, too"
         )
     scans = UdpScans(token)
-    with answered((host, port), MAX_DATAGRAM_BYTES, scans.answer, "--height-scan udp"):
+    with answered_datagrams((host, port), MAX_DATAGRAM_BYTES, scans.answer, "--height-scan udp"):
         yield scans

@@ -22,7 +22,7 @@ from footfall.operate.request_fields import (
     checked_name,
     checked_settings,
     checked_velocity,
-    refused_name,
+    name_refusal,
 )
 from footfall.policies.live_settings import DECLARED, Access
 
@@ -43,12 +43,12 @@ class InboxConfig:
             raise ValueError("lie_down_after_s must be at least still_after_s")
 
 
-class _Held(NamedTuple):
-    """The newest request, the time of the owner's last message, and of its last velocity."""
+class _Latest(NamedTuple):
+    """The newest request and its times."""
 
     request: Request
-    received_s: float
-    moved_s: float
+    received_s: float  # arrival of the owner's last message
+    velocity_s: float  # arrival of the owner's last velocity
 
 
 class Inbox:
@@ -61,12 +61,12 @@ class Inbox:
         self._config, self._clock = config or InboxConfig(), clock
         self._lock = threading.Lock()
         self._owner = ""
-        self._held = _Held(Request(ZERO_COMMAND), clock(), clock())
-        self._silent: Request | None = None  # replaces a request that is too old
+        self._latest = _Latest(Request(ZERO_COMMAND), clock(), clock())
+        self._still_request: Request | None = None  # replaces a request whose velocity is too old
         self._stop: Stop | None = None
         self._status: Status | None = None
-        self._walks_since_s = clock()
-        self._end: Request | None = None  # ends the run, even if the owner sends again
+        self._walking_since_s = clock()  # the owner's silence counts only while the robot walks
+        self._last_request: Request | None = None  # ends the run, even if the owner sends again
 
     def set_longest_silence(self, longest_s: float) -> None:
         """Set the silence, s, that ends the run; call it before the start of the run."""
@@ -90,14 +90,14 @@ class Inbox:
         Returns:
             Why it is refused, in one line; empty if it is accepted.
         """
-        if refused := refused_name(operator):
-            return refused
+        if refusal := name_refusal(operator):
+            return refusal
         with self._lock:
             if self._owner != operator:
-                self._owner, self._silent = operator, None
+                self._owner, self._still_request = operator, None
                 now_s = self._clock()
-                request = self._held.request._replace(velocity=ZERO_COMMAND, owner=operator)
-                self._held = _Held(request, now_s, now_s)
+                request = self._latest.request._replace(velocity=ZERO_COMMAND, owner=operator)
+                self._latest = _Latest(request, now_s, now_s)
         return ""
 
     def release(self, operator: str) -> str:
@@ -105,9 +105,9 @@ class Inbox:
         with self._lock:
             if self._owner != operator:
                 return self._not_owner(operator)
-            self._owner, self._silent = "", None
-            request = self._held.request._replace(velocity=ZERO_COMMAND, owner="")
-            self._held = self._held._replace(request=request)
+            self._owner, self._still_request = "", None
+            request = self._latest.request._replace(velocity=ZERO_COMMAND, owner="")
+            self._latest = self._latest._replace(request=request)
         return ""
 
     def put(
@@ -119,13 +119,12 @@ class Inbox:
         gait: Any = None,
         settings: Any = None,
     ) -> str:
-        """Send a request; parts that are not given stay unchanged. The first operator to send one gets
-        control.
+        """Send a request; omitted parts stay unchanged. The first operator to send one gets control.
 
         A velocity ages separately: other requests of its owner do not renew it.
 
-        Arguments of any type are allowed: those of wrong type or shape, numbers that are not finite and names
-        that are unknown in the run are refused, and then the whole request has no effect.
+        Arguments may have any type. A wrong type or shape, a number that is not finite or a name that is
+        unknown in the run is refused; the whole request then has no effect.
 
         Args:
             operator: name of the sender.
@@ -154,24 +153,24 @@ class Inbox:
                 changes["settings"] = checked_settings(settings, offer)
         except ValueError as error:
             return str(error)
-        refused = refused_name(operator)
+        refusal = name_refusal(operator)
         with self._lock:
-            if not refused and self._owner not in ("", operator):
-                refused = self._permission(operator, changes)
-            if refused:
-                return refused
-            before, now_s = self._held.request, self._clock()
+            if not refusal and self._owner not in ("", operator):
+                refusal = self._permission(operator, changes)
+            if refusal:
+                return refusal
+            before, now_s = self._latest.request, self._clock()
             if "settings" in changes:
                 changes["settings"] = {**before.settings, **changes["settings"]}
             request = before._replace(**changes)
             if self._owner in ("", operator):
                 self._owner = operator
-                moved_s = now_s if "velocity" in changes else self._held.moved_s
+                velocity_s = now_s if "velocity" in changes else self._latest.velocity_s
                 request = request._replace(owner=operator, settings_by="")
-                self._held = _Held(request, now_s, moved_s)
+                self._latest = _Latest(request, now_s, velocity_s)
             else:
-                self._held = self._held._replace(request=request._replace(settings_by=operator))
-            self._silent = None
+                self._latest = self._latest._replace(request=request._replace(settings_by=operator))
+            self._still_request = None
         return ""
 
     def stop(self, operator: str, reason: str = "", damp: bool = False) -> None:
@@ -185,17 +184,17 @@ class Inbox:
             damp: damp the joints at once; otherwise the robot lies down if it can.
         """
         by = str(operator)[:MAX_NAME_CHARS] or "an operator"
-        why = f": {str(reason)[:MAX_NAME_CHARS]}" if reason else ""
+        suffix = f": {str(reason)[:MAX_NAME_CHARS]}" if reason else ""
         with self._lock:
             again = self._stop is not None
-            self._stop = Stop(" ".join(f"stopped by {by}{why}".split()), damp or again, by)
+            self._stop = Stop(" ".join(f"stopped by {by}{suffix}".split()), damp or again, by)
 
     def note(self, text: Any) -> None:
         """Add a line to the run's notes."""
         line = " ".join(str(text).split())[:MAX_NOTE_CHARS]
         with self._lock:
-            self._held = self._held._replace(request=self._held.request._replace(note=line))
-            self._silent = None
+            self._latest = self._latest._replace(request=self._latest.request._replace(note=line))
+            self._still_request = None
 
     # -- called by the loop --------------------------------------------------------------------------
 
@@ -208,28 +207,28 @@ class Inbox:
         """The owner's newest request, without its outdated parts."""
         self._status = status
         with self._lock:
-            request, received_s, moved_s = self._held
-            if self._end is not None:
-                return self._end
+            request, received_s, velocity_s = self._latest
+            if self._last_request is not None:
+                return self._last_request
             if status.mode is not Mode.WALKING:  # the robot is not under command yet
-                self._walks_since_s = self._clock()
+                self._walking_since_s = self._clock()
                 return request
             if request.behaviour is Behaviour.GET_UP:
                 # The robot stands again: after another fall, getting up needs a new request.
                 request = request._replace(behaviour=Behaviour.WALK)
-                self._held = self._held._replace(request=request)
+                self._latest = self._latest._replace(request=request)
             now_s = self._clock()
-            if now_s - max(received_s, self._walks_since_s) >= self._config.lie_down_after_s:
-                who = f"'{self._owner}', who has control," if self._owner else "every operator"
-                why = f"{who} was silent for {self._config.lie_down_after_s:g} s: the robot lies down"
+            if now_s - max(received_s, self._walking_since_s) >= self._config.lie_down_after_s:
+                silent = f"'{self._owner}', who has control," if self._owner else "every operator"
+                note = f"{silent} was silent for {self._config.lie_down_after_s:g} s: the robot lies down"
                 request = request._replace(velocity=ZERO_COMMAND, behaviour=Behaviour.LIE_DOWN)
-                self._end = request._replace(note=why, owner="")
-                return self._end
-            if now_s - moved_s < self._config.still_after_s:
+                self._last_request = request._replace(note=note, owner="")
+                return self._last_request
+            if now_s - velocity_s < self._config.still_after_s:
                 return request
-            if self._silent is None:
-                self._silent = request._replace(velocity=ZERO_COMMAND)
-            return self._silent
+            if self._still_request is None:
+                self._still_request = request._replace(velocity=ZERO_COMMAND)
+            return self._still_request
 
     def _not_owner(self, operator: str) -> str:
         return f"{self._owner or 'nobody'} has control, not {operator}: take over first"

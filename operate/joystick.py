@@ -16,7 +16,7 @@ class Joystick:
     def __init__(self, path: str) -> None:
         self._path, self._file = path, -1
         self._axes: dict[int, float] = {}
-        self._down: set[int] = set()
+        self._pressed: set[int] = set()
 
     @property
     def connected(self) -> bool:
@@ -38,22 +38,22 @@ class Joystick:
             os.close(self._file)
         self._file = -1
         self._axes.clear()
-        self._down.clear()
+        self._pressed.clear()
 
     def axis(self, number: int) -> float:
         """Position of an axis; 0 while unknown."""
         return self._axes.get(number, 0.0)
 
-    def down(self, button: int) -> bool:
+    def pressed(self, button: int) -> bool:
         """Whether a button is pressed."""
-        return button in self._down
+        return button in self._pressed
 
     def read(self, wait_s: float) -> list[int]:
         """Read all events, waiting for the first one; returns newly pressed buttons.
 
         An unplugged device is closed.
         """
-        pressed: list[int] = []
+        newly_pressed: list[int] = []
         try:
             if select.select([self._file], [], [], wait_s)[0]:
                 content = os.read(self._file, EVENT.size * MAX_EVENTS)
@@ -62,17 +62,17 @@ class Joystick:
                 for _, value, kind, number in EVENT.iter_unpack(
                     content[: len(content) // EVENT.size * EVENT.size]
                 ):
-                    pressed += self._take(kind, number, value)
+                    newly_pressed += self._take(kind, number, value)
         except OSError:
             self.close()
-        return pressed
+        return newly_pressed
 
-    def _take(self, kind: int, number: int, value: int) -> list[int]:
-        if kind & ~INITIAL == AXIS:
+    def _take(self, event_type: int, number: int, value: int) -> list[int]:
+        if event_type & ~INITIAL == AXIS:
             self._axes[number] = max(value / AXIS_LIMIT, -1.0)
-        elif kind & ~INITIAL == BUTTON:
-            if value and not kind & INITIAL:  # a button held when the device is opened has no effect
-                self._down.add(number)
+        elif event_type & ~INITIAL == BUTTON:
+            if value and not event_type & INITIAL:  # a button held when the device is opened has no effect
+                self._pressed.add(number)
                 return [number]
-            self._down.discard(number)
+            self._pressed.discard(number)
         return []

@@ -17,7 +17,7 @@ from footfall.common.config import require_between
 from footfall.deploy.command_source import Behaviour
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
-from footfall.operate.opened import Opened
+from footfall.operate.open_source import OpenSource
 from footfall.operate.operator import ZERO_MOTION, Operator
 from footfall.operate.terminal_keys import Keys, key_by_key
 
@@ -65,13 +65,13 @@ class Keyboard:
     def __init__(self, operator: Operator, config: KeyboardConfig) -> None:
         self._operator, self._config = operator, config
         self._share = config.speed_share
-        self._held, self._until_s = "", 0.0
+        self._held, self._held_until_s = "", 0.0
         up_m = config.height_step_m
-        self._orders: dict[str, Callable[[], None]] = {
-            " ": self._let_go,
-            "+": partial(self._faster, config.speed_step),
-            "=": partial(self._faster, config.speed_step),  # same key without shift
-            "-": partial(self._faster, -config.speed_step),
+        self._actions: dict[str, Callable[[], None]] = {
+            " ": self._release,
+            "+": partial(self._change_speed, config.speed_step),
+            "=": partial(self._change_speed, config.speed_step),  # same key without shift
+            "-": partial(self._change_speed, -config.speed_step),
             "g": operator.next_gait,
             "p": operator.next_policy,
             "r": partial(operator.raise_body, up_m),
@@ -92,30 +92,31 @@ class Keyboard:
         for pressed in keys:
             key = ARROWS.get(pressed, pressed.lower())
             if key in MOTIONS:
-                again = key == self._held
-                until_s = now_s + (self._config.again_s if again else self._config.first_s)
-                self._held, self._until_s = key, max(until_s, self._until_s) if again else until_s
-            elif key in self._orders:
-                self._orders[key]()
+                repeated = key == self._held
+                held_until_s = now_s + (self._config.again_s if repeated else self._config.first_s)
+                self._held_until_s = max(held_until_s, self._held_until_s) if repeated else held_until_s
+                self._held = key
+            elif key in self._actions:
+                self._actions[key]()
 
-    def ask(self, now_s: float) -> None:
+    def request_velocity(self, now_s: float) -> None:
         """Request the velocity of the held key, or zero."""
-        if now_s >= self._until_s:
+        if now_s >= self._held_until_s:
             self._held = ""
         motion = MOTIONS.get(self._held, ZERO_MOTION)
         self._operator.move([self._share * share for share in motion])
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         self._held = ""
 
-    def _faster(self, by: float) -> None:
-        self._share = min(max(self._share + by, self._config.speed_step), 1.0)
+    def _change_speed(self, change: float) -> None:
+        self._share = min(max(self._share + change, self._config.speed_step), 1.0)
 
 
 @contextmanager
 def steered_by_keyboard(
     inbox: Inbox, abilities: Callable[[str], Abilities], config: KeyboardConfig, terminal: int = STDIN
-) -> Iterator[Opened]:
+) -> Iterator[OpenSource]:
     """Control by the keys of a terminal through the inbox, while the context is open.
 
     Raises:
@@ -128,13 +129,13 @@ def steered_by_keyboard(
         while not ended.is_set() and keys.open:  # without a terminal the inbox times out
             pressed = keys.read(1.0 / config.rate_hz)
             keyboard.press(pressed, time.monotonic())
-            keyboard.ask(time.monotonic())
+            keyboard.request_velocity(time.monotonic())
 
     with key_by_key(terminal):
         thread = threading.Thread(target=listen, name=NAME, daemon=True)
         thread.start()
         try:
-            yield Opened(inbox, lambda: keyboard.line, HELP)
+            yield OpenSource(inbox, lambda: keyboard.line, HELP)
         finally:
             ended.set()
             thread.join(JOIN_S)

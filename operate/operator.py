@@ -16,14 +16,14 @@ class Operator:
     def __init__(self, name: str, inbox: Inbox, abilities: Callable[[str], Abilities]) -> None:
         """`abilities`: returns the abilities of a policy of the run by its name."""
         self._name, self._inbox, self._abilities = name, inbox, abilities
-        self._answer = self._refused = ""
+        self._result = self._velocity_refusal = ""
         self._gait = 0
         self._height_m: float | None = None
 
     @property
     def line(self) -> str:
         """Why the last velocity was refused, or the result of the last request."""
-        return self._refused or self._answer
+        return self._velocity_refusal or self._result
 
     def move(self, shares: Sequence[float]) -> None:
         """Request shares (3,), from -1 to 1, of the current policy's maximum commands."""
@@ -34,47 +34,47 @@ class Operator:
                 share * high if share > 0.0 else -share * low
                 for share, (low, high) in zip(shares, ranges, strict=True)
             ]
-        self._refused = self._inbox.put(self._name, velocity=velocity)
+        self._velocity_refusal = self._inbox.put(self._name, velocity=velocity)
 
     def request(self, behaviour: Behaviour) -> None:
-        """Request to walk, stand or lie down."""
-        self._answer = self._inbox.put(self._name, behaviour=behaviour) or behaviour.value.replace("_", " ")
+        """Request a behaviour, such as to walk, stand, lie down or get up."""
+        self._result = self._inbox.put(self._name, behaviour=behaviour) or behaviour.value.replace("_", " ")
 
     def stop(self) -> None:
         """Stop the robot: it lies down; a second stop damps it."""
         self._inbox.stop(self._name)
-        self._answer = "STOP"
+        self._result = "STOP"
 
     def take_over(self) -> None:
         """Take control."""
-        self._answer = self._inbox.take_over(self._name)
+        self._result = self._inbox.take_over(self._name)
 
     def next_gait(self) -> None:
         """Request the current policy's next gait."""
         gaits = () if (status := self._inbox.status) is None else status.offer.gaits
         if not gaits:
-            self._answer = "this policy has one gait only"
+            self._result = "this policy has one gait only"
             return
         self._gait = (self._gait + 1) % len(gaits)
-        self._answer = self._inbox.put(self._name, gait=gaits[self._gait]) or f"gait {gaits[self._gait]}"
+        self._result = self._inbox.put(self._name, gait=gaits[self._gait]) or f"gait {gaits[self._gait]}"
 
     def next_policy(self) -> None:
         """Request the next policy of the run."""
         names = [] if (status := self._inbox.status) is None else list(status.offer.policies)
         if status is None or len(names) < 2:
-            self._answer = "this run has one policy only"
+            self._result = "this run has one policy only"
             return
         name = names[(names.index(status.policy) + 1) % len(names)]
         self._gait, self._height_m = 0, None
-        self._answer = self._inbox.put(self._name, policy=name) or f"policy {name}"
+        self._result = self._inbox.put(self._name, policy=name) or f"policy {name}"
 
     def raise_body(self, by_m: float) -> None:
         """Request a higher or lower body."""
         span = None if (status := self._inbox.status) is None else status.offer.settings.get(BODY_HEIGHT)
         if span is None:
-            self._answer = "this policy's body height is fixed"
+            self._result = "this policy's body height is fixed"
             return
         height_m = (span.default if self._height_m is None else self._height_m) + by_m
         self._height_m = min(max(height_m, span.lowest), span.highest)
         refused = self._inbox.put(self._name, settings={BODY_HEIGHT: self._height_m})
-        self._answer = refused or f"body {self._height_m:.2f} m"
+        self._result = refused or f"body {self._height_m:.2f} m"

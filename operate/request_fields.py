@@ -1,4 +1,4 @@
-"""Fields of a request from outside, as JSON names them, and the checks of their values."""
+"""Fields of a request that arrives as JSON, and checks of their values."""
 
 from collections.abc import Mapping
 from numbers import Real
@@ -13,7 +13,7 @@ from footfall.policies.live_settings import DECLARED
 MAX_NAME_CHARS = 80  # maximum length of an operator's name or a stop's reason
 MAX_SETTING = 1e6  # absolute value of any setting, in its unit
 FIELDS = ("velocity", "behaviour", "policy", "gait", "settings")  # arguments of `Inbox.put`
-FORMER_FIELDS = {"wish": "behaviour"}  # accepted, too
+FORMER_FIELDS = {"wish": "behaviour"}  # former names, still accepted
 
 
 def request_fields(message: Mapping[str, Any]) -> dict[str, Any]:
@@ -22,19 +22,19 @@ def request_fields(message: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in named.items() if key in FIELDS}
 
 
-def refused_name(operator: Any) -> str:
+def name_refusal(operator: Any) -> str:
     """Why this cannot be an operator's name; empty if it can."""
-    right = isinstance(operator, str) and 0 < len(operator) <= MAX_NAME_CHARS and operator.isprintable()
-    return "" if right else f"an operator's name is a line of 1 to {MAX_NAME_CHARS} characters"
+    valid = isinstance(operator, str) and 0 < len(operator) <= MAX_NAME_CHARS and operator.isprintable()
+    return "" if valid else f"an operator's name is a line of 1 to {MAX_NAME_CHARS} characters"
 
 
-def checked_velocity(given: Any) -> np.ndarray:
+def checked_velocity(value: Any) -> np.ndarray:
     """A velocity (3,) from a sequence of numbers.
 
     Raises:
         ValueError: it has another form, is not finite, or is beyond any robot.
     """
-    values = list(given) if isinstance(given, list | tuple | np.ndarray) else []
+    values = list(value) if isinstance(value, list | tuple | np.ndarray) else []
     numbers: list[Any] = [each for each in values if isinstance(each, Real) and not isinstance(each, bool)]
     if len(values) != 3 or len(numbers) != 3:
         raise ValueError("a velocity is three numbers: forward m/s, leftward m/s, yaw rad/s")
@@ -46,49 +46,49 @@ def checked_velocity(given: Any) -> np.ndarray:
     return velocity
 
 
-def checked_behaviour(given: Any) -> Behaviour:
+def checked_behaviour(value: Any) -> Behaviour:
     """A behaviour from its text.
 
     Raises:
         ValueError: there is no such behaviour.
     """
     try:
-        return Behaviour(given)
+        return Behaviour(value)
     except ValueError:
         raise ValueError(f"behaviour is one of {', '.join(Behaviour)}") from None
 
 
-def checked_name(kind: str, given: Any, known: Any) -> str:
+def checked_name(kind: str, name: Any, known: Any) -> str:
     """The name of a policy or a gait; empty for no change.
 
     Raises:
-        ValueError: it is no name, or is not among the known ones.
+        ValueError: it is not a name, or not a known one.
     """
-    if not isinstance(given, str) or len(given) > MAX_NAME_CHARS:
+    if not isinstance(name, str) or len(name) > MAX_NAME_CHARS:
         raise ValueError(f"a {kind} must be a name")
-    if known is not None and given not in ("", *known):
-        raise ValueError(f"there is no {kind} '{given}' here: {', '.join(known) or 'none can be chosen'}")
-    return given
+    if known is not None and name not in ("", *known):
+        raise ValueError(f"there is no {kind} '{name}' here: {', '.join(known) or 'none can be chosen'}")
+    return name
 
 
-def checked_settings(given: Any, offer: Offer | None) -> dict[str, float]:
+def checked_settings(value: Any, offer: Offer | None) -> dict[str, float]:
     """Live settings by name, those of an offer if there is one.
 
     Raises:
-        ValueError: a setting is not offered, or its value is no number.
+        ValueError: a setting is not offered, or its value is not a number.
     """
-    if not isinstance(given, Mapping):
+    if not isinstance(value, Mapping):
         raise ValueError("settings are numbers by name")
     known = DECLARED if offer is None else offer.settings
     settings = {}
-    for name, value in given.items():
+    for name, number in value.items():
         if not isinstance(name, str) or name not in known or name not in DECLARED:
             shown = str(name)[:MAX_NAME_CHARS]
             raise ValueError(
                 f"there is no setting '{shown}' here: {', '.join(known) or 'none can be changed'}"
             )
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not abs(value) < MAX_SETTING:  # rejects NaN, too
+        is_number = isinstance(number, int | float) and not isinstance(number, bool)
+        if not is_number or not abs(number) < MAX_SETTING:  # rejects NaN, too
             raise ValueError(f"{name} is a number, in {DECLARED[name].unit}")
-        settings[name] = float(value)
+        settings[name] = float(number)
     return settings

@@ -13,16 +13,16 @@ from footfall.common.outside import shipped
 from footfall.common.yaml_text import parse_yaml
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
-from footfall.operate.opened import Opened
+from footfall.operate.open_source import OpenSource
 
-ELSEWHERE = ("cockpit",)  # sources that are opened together with a run's pages
+PAGE_SOURCES = ("cockpit",)  # sources that are opened together with a run's pages
 YAML = (".yaml", ".yml")
 
 
 class Source(NamedTuple):
     """A command source. Its module is imported when it is selected."""
 
-    import_path: str  # MODULE:FUNCTION, context manager of inbox, abilities and settings; yields `Opened`
+    import_path: str  # MODULE:FUNCTION, context manager of inbox, abilities and settings; yields `OpenSource`
     settings: str  # MODULE:NAME of its settings' dataclass
     about: str
 
@@ -60,7 +60,7 @@ def check_source(name: str) -> None:
     """Raise UserError unless the name is a source or a mission file."""
     kind = name.partition(":")[0]
     if kind not in SOURCES and not is_mission(name):
-        known = [*SOURCES, *ELSEWHERE]
+        known = [*SOURCES, *PAGE_SOURCES]
         raise UserError(
             f"--from {name}: give one of {', '.join(known)}, or a mission's YAML file"
             f"{did_you_mean(kind, known)}"
@@ -68,7 +68,7 @@ def check_source(name: str) -> None:
 
 
 @contextmanager
-def open_source(name: str, inbox: Inbox, abilities: Callable[[str], Abilities]) -> Iterator[Opened]:
+def open_source(name: str, inbox: Inbox, abilities: Callable[[str], Abilities]) -> Iterator[OpenSource]:
     """Open a source that sends requests to the inbox, while the context is open.
 
     Args:
@@ -83,11 +83,11 @@ def open_source(name: str, inbox: Inbox, abilities: Callable[[str], Abilities]) 
     check_source(name)
     kind, _, argument = name.partition(":")
     source = SOURCES[kind]
-    opened: AbstractContextManager[Opened] = shipped(source.import_path)(
+    context: AbstractContextManager[OpenSource] = shipped(source.import_path)(
         inbox, abilities, _settings(shipped(source.settings), argument, f"--from {name}")
     )
-    with opened as found:
-        yield found
+    with context as opened:
+        yield opened
 
 
 def _settings(cls: Any, argument: str, where: str) -> Any:

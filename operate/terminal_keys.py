@@ -12,7 +12,7 @@ from footfall.common.errors import UserError
 MAX_BYTES = 256  # maximum per read
 _ARROWS = {b"A": "up", b"B": "down", b"C": "right", b"D": "left"}
 _KEY = re.compile(rb"\x1b[\[O]([A-D])|\x1b[\[O][0-9;]*[@-~]|\x1b|(.)", re.DOTALL)
-_BEGUN = re.compile(rb"\x1b([\[O][0-9;]*)?\Z")  # incomplete sequence
+_INCOMPLETE = re.compile(rb"\x1b([\[O][0-9;]*)?\Z")  # incomplete sequence
 
 
 @contextmanager
@@ -29,10 +29,10 @@ def key_by_key(terminal: int) -> Iterator[None]:
     """
     try:
         before = termios.tcgetattr(terminal)
-        in_front = os.tcgetpgrp(terminal) == os.getpgrp()
+        in_foreground = os.tcgetpgrp(terminal) == os.getpgrp()
     except (OSError, termios.error):
         raise UserError("--from keyboard needs a terminal, but standard input is not one") from None
-    if not in_front:
+    if not in_foreground:
         raise UserError("--from keyboard needs the terminal's foreground: start it without '&'")
     mode = [*before[:6], list(before[6])]
     mode[3] &= ~(termios.ICANON | termios.ECHO)
@@ -65,10 +65,10 @@ class Keys:
             self.open = False
             return []
         content = self._rest + content
-        begun = _BEGUN.search(content)
-        self._rest = content[begun.start() :] if begun else b""
-        whole = content[: begun.start()] if begun else content
-        return [key for found in _KEY.finditer(whole) if (key := _name(found))]
+        incomplete = _INCOMPLETE.search(content)
+        self._rest = content[incomplete.start() :] if incomplete else b""
+        complete = content[: incomplete.start()] if incomplete else content
+        return [key for found in _KEY.finditer(complete) if (key := _name(found))]
 
 
 def _name(found: re.Match[bytes]) -> str:

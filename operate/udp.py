@@ -2,7 +2,7 @@
 
 A datagram is an HMAC-SHA256 with a shared token as its key, followed by JSON. A sender includes the latest
 challenge that it has received, which is valid for at most three seconds, and numbers its datagrams. So
-datagrams that were recorded and sent again are refused, whether they are from this run or another one.
+recorded datagrams that are sent again are refused, both those of this run and those of an earlier one.
 """
 
 import math
@@ -16,9 +16,9 @@ from typing import Any
 
 from footfall.common.errors import UserError
 from footfall.operate.abilities import Abilities
-from footfall.operate.datagrams import answered
+from footfall.operate.datagrams import answered_datagrams
 from footfall.operate.inbox import Inbox
-from footfall.operate.opened import Opened
+from footfall.operate.open_source import OpenSource
 from footfall.operate.request_fields import MAX_NAME_CHARS, request_fields
 from footfall.operate.udp_client import MAX_DATAGRAM_BYTES, PORT, REPLY, REQUEST, TOKEN, pack, unpack
 
@@ -53,14 +53,14 @@ class Receiver:
         self._challenges = [secrets.token_hex(8)] * 2  # the current and the previous one
         self._since_s = clock()
         self._latest: dict[str, tuple[int, float]] = {}  # by sender: latest number, and its time
-        self.refused = 0  # datagrams without the right token
+        self.num_refused = 0  # datagrams without the right token
         self.answer = ""  # reply to the latest request
 
     def receive(self, datagram: bytes) -> bytes:
         """The reply to a datagram; empty for one without the right token."""
         request = unpack(datagram, self._token, REQUEST)
         if request is None:
-            self.refused += 1
+            self.num_refused += 1
             return b""
         now_s = self._clock()
         self._renew(now_s)
@@ -91,13 +91,13 @@ class Receiver:
         return ""
 
     def _carry_out(self, request: dict[str, Any]) -> str:
-        """Send a request to the inbox; returns why it is refused, empty if it is accepted."""
+        """Send a request to the inbox; returns why it is refused, or an empty string."""
         name = request.get("name", "udp")
         if "stop" in request:
             self._inbox.stop(name, request["stop"], damp=request.get("damp") is True)
             return ""
-        if request.get("take_over") is True and (refused := self._inbox.take_over(name)):
-            return refused
+        if request.get("take_over") is True and (refusal := self._inbox.take_over(name)):
+            return refusal
         fields = request_fields(request)
         return self._inbox.put(name, **fields) if fields else ""
 
@@ -125,7 +125,7 @@ class Receiver:
 @contextmanager
 def steered_by_udp(
     inbox: Inbox, abilities: Callable[[str], Abilities], config: UdpConfig
-) -> Iterator[Opened]:
+) -> Iterator[OpenSource]:
     """Control by datagrams through the inbox, while the context is open.
 
     Raises:
@@ -135,12 +135,14 @@ def steered_by_udp(
     if len(token) < MIN_TOKEN_CHARS:
         raise UserError(f"{TOKEN} is shorter than {MIN_TOKEN_CHARS} characters: choose a longer one")
     receiver, host = Receiver(inbox, token), config.socket_address[0]
-    with answered(config.socket_address, MAX_DATAGRAM_BYTES, receiver.receive, "--from udp") as port:
+    with answered_datagrams(
+        config.socket_address, MAX_DATAGRAM_BYTES, receiver.receive, "--from udp"
+    ) as port:
         secret = "" if TOKEN in os.environ else f", {TOKEN}={token}"
         about = f"datagrams to {host}:{port}{secret}"
-        yield Opened(inbox, lambda: _line(receiver, inbox), (about,), odometry=True)
+        yield OpenSource(inbox, lambda: _line(receiver, inbox), (about,), odometry=True)
 
 
 def _line(receiver: Receiver, inbox: Inbox) -> str:
-    rejected = f"{receiver.refused} without the token" if receiver.refused else ""
+    rejected = f"{receiver.num_refused} without the token" if receiver.num_refused else ""
     return ", ".join(filter(None, [f"udp: {inbox.owner or 'nobody'} has control", receiver.answer, rejected]))

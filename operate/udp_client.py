@@ -106,8 +106,8 @@ class UdpSteering:
         }
         self._socket.sendto(pack(head | request, self._token, REQUEST), self._address)
         deadline_s = time.monotonic() + wait_s
-        while (left_s := deadline_s - time.monotonic()) > 0.0:
-            self._socket.settimeout(left_s)
+        while (remaining_s := deadline_s - time.monotonic()) > 0.0:
+            self._socket.settimeout(remaining_s)
             with suppress(TimeoutError, ConnectionRefusedError):
                 reply = unpack(self._socket.recv(MAX_DATAGRAM_BYTES + 1), self._token, REPLY)
                 if reply is not None and reply.get("sender") == self._sender:
@@ -138,6 +138,6 @@ class UdpHeightScan:
             OSError: the network cannot be reached.
         """
         self._number += 1
-        known = [round(float(each), 4) if math.isfinite(each) else None for each in heights]
-        content = {"sender": self._sender, "number": self._number, "age_s": age_s, "heights": known}
+        values = [round(float(each), 4) if math.isfinite(each) else None for each in heights]
+        content = {"sender": self._sender, "number": self._number, "age_s": age_s, "heights": values}
         self._socket.sendto(pack(content, self._token, SCAN), self._address)

@@ -30,7 +30,7 @@ def watched(run: Path, host: str, port: int) -> Iterator[None]:
 def _serve(run: Path, host: str, port: int) -> None:
     """In the other process: serve until SIGTERM, or until the training's process has ended."""
     os.nice(NICENESS)
-    with StopRequest() as stop, Path(os.devnull).open("w") as nowhere, redirect_stdout(nowhere):
+    with StopRequest() as stop, Path(os.devnull).open("w") as devnull, redirect_stdout(devnull):
         end_with_parent()
         from footfall.pages.walk import watch
 

@@ -21,7 +21,7 @@ PADDING_PX = (
 )
 COLOUR = "#{:02x}{:02x}{:02x}".format(*BRAND)
 WAITING = "No curves yet: they begin with the second iteration."
-NONE_KEPT = "No curves: the folder holds the policy without the metrics of its training."
+NO_METRICS = "No curves: the folder holds the policy without the metrics of its training."
 AXIS = "Over million environment steps:"
 
 
@@ -59,7 +59,7 @@ class Curves:
             self._drawn_step = metrics.last_step
             for curve in CURVES:
                 self._draw(curve, *metrics.curve(curve.metric))
-        text = AXIS if self._charts else NONE_KEPT if finished else WAITING
+        text = AXIS if self._charts else NO_METRICS if finished else WAITING
         if self._text.content != text:
             self._text.content = text
 

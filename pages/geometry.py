@@ -46,8 +46,10 @@ def visible_shapes(model: mujoco.MjModel) -> list[Shape]:
 
 def _colour(model: mujoco.MjModel, geom: int) -> np.ndarray:
     """A geom's own colour, or its material's if it has none of its own."""
-    own, material = model.geom_rgba[geom], model.geom_matid[geom]
-    return (model.mat_rgba[material] if material >= 0 and np.allclose(own, UNPAINTED) else own).copy()
+    own_colour, material = model.geom_rgba[geom], model.geom_matid[geom]
+    return (
+        model.mat_rgba[material] if material >= 0 and np.allclose(own_colour, UNPAINTED) else own_colour
+    ).copy()
 
 
 def _triangles(model: mujoco.MjModel, geom: int) -> "Trimesh | None":

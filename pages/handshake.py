@@ -53,7 +53,7 @@ def _is_address(name: str) -> bool:
 
 @contextmanager
 def own_handshake(served_at: str) -> Iterator[None]:
-    """A viser server that is started in this context checks each request and serves footfall's page."""
+    """Make a viser server that is started in this context check each request and serve footfall's page."""
     from websockets.asyncio import server
 
     serve = server.serve

@@ -53,9 +53,9 @@ class LiveCurves:
             values.clear()
             self._next_s = 0.0
         measured, command = moment.command_velocity.tolist(), np.asarray(moment.command).tolist()
-        pairs = [number for pair in zip(measured, command, strict=True) for number in pair]
-        hardest = 100.0 * float((np.abs(moment.sensed.joint_torque) / self._max_nm).max())
-        values.append([time_s, *pairs, float(tilt(moment.quaternion)), hardest])
+        velocities = [value for pair in zip(measured, command, strict=True) for value in pair]
+        max_load = 100.0 * float((np.abs(moment.sensed.joint_torque) / self._max_nm).max())
+        values.append([time_s, *velocities, float(tilt(moment.quaternion)), max_load])
         while values[0][0] < time_s - WINDOW_S:
             values.popleft()
         if time_s >= self._next_s and len(values) > 1:
@@ -66,13 +66,13 @@ class LiveCurves:
         if not self._charts:
             with self._parent:
                 self._charts = [self._chart(title, lines, rows[:1]) for title, lines in CHARTS.items()]
-        times = rows[0] - rows[0, -1]  # a run's own are Unix times, too long for an axis
-        first = 1
+        times_s = rows[0] - rows[0, -1]  # a live run's times are Unix times, too long for an axis
+        row = 1
         for chart, lines in zip(self._charts, CHARTS.values(), strict=True):
-            chart.data = (times, *rows[first : first + len(lines)])
-            first += len(lines)
+            chart.data = (times_s, *rows[row : row + len(lines)])
+            row += len(lines)
 
-    def _chart(self, title: str, lines: tuple[Line, ...], times: np.ndarray) -> Any:
+    def _chart(self, title: str, lines: tuple[Line, ...], times_s: np.ndarray) -> Any:
         from viser import uplot
 
         hidden = uplot.Series_Points(show=False)
@@ -80,7 +80,7 @@ class LiveCurves:
             uplot.Series(label=line.label, stroke=_css(line.colour), width=2, points=hidden) for line in lines
         ]
         return self._gui.add_uplot(
-            (times[0], *[np.zeros_like(times[0])] * len(lines)),
+            (times_s[0], *[np.zeros_like(times_s[0])] * len(lines)),
             (uplot.Series(label="s"), *series),
             title=title,
             scales={"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)},

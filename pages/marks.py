@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 LAYERS = {"Footholds, paths": "feet", "Forces": "forces", "Balance": "balance"}
 REBUILD_INTERVAL_S = 0.06  # between changes of lines and surfaces, which a browser rebuilds each time
 TRAIL_POINTS = 24  # of each foot's path, one for each moment
-WAY_POINTS = 9  # of the path to a foothold
+PATH_POINTS = 9  # of the path to a foothold
 MAX_CORNERS = 24  # of the support polygon, at most
 FLAT_M = 0.002  # height of flat marks above the ground
 UP = np.array([0.0, 0.0, FLAT_M])
@@ -36,9 +36,9 @@ class Marks:
         """`world` is the path of the scene's frame in which moments are given."""
         self._scene, self._model = server.scene, BalanceModel(robot)
         self._height, self._feet = robot.description.standing_height_m, len(robot.description.feet)
-        self._newton_m = FORCE_LENGTH * self._height / (GRAVITY_M_S2 * robot.legs.mass)
+        self._m_per_n = FORCE_LENGTH * self._height / (GRAVITY_M_S2 * robot.legs.mass)
         self._trail: deque[np.ndarray] = deque(maxlen=TRAIL_POINTS)
-        self._shaped_s = -np.inf
+        self._rebuilt_s = -np.inf
         self.layers = {
             label: self._scene.add_frame(f"{world}/{name}", show_axes=False) for label, name in LAYERS.items()
         }
@@ -47,7 +47,7 @@ class Marks:
         each = range(self._feet)
         self._goals = [self._disc(f"{feet}/goal_{k}", 1.3 * small, colours.PLAN) for k in each]
         self._contacts = [self._disc(f"{forces}/contact_{k}", 1.6 * small, colours.FORCE) for k in each]
-        self._ways = self._lines(f"{feet}/ways", colours.PLAN, self._feet * (WAY_POINTS - 1))
+        self._foothold_paths = self._lines(f"{feet}/ways", colours.PLAN, self._feet * (PATH_POINTS - 1))
         self._trails = self._lines(f"{feet}/trails", colours.VELOCITY, self._feet * (TRAIL_POINTS - 1))
         self._forces = self._scene.add_arrows(
             f"{forces}/arrows", np.zeros((self._feet, 2, 3)), _bytes(colours.FORCE),
@@ -58,17 +58,18 @@ class Marks:
         )
         self._capture = self._disc(f"{balance}/capture", small, colours.CAPTURE, visible=True)
         self._plumb = self._lines(f"{balance}/plumb", colours.CENTRE, 1)
-        self._edge = self._lines(f"{balance}/edge", colours.SUPPORT, MAX_CORNERS)
-        fan = np.array([(0, k, k + 1) for k in range(1, MAX_CORNERS - 1)], dtype=np.uint32)
+        self._support_edge = self._lines(f"{balance}/edge", colours.SUPPORT, MAX_CORNERS)
+        triangles = np.array([(0, k, k + 1) for k in range(1, MAX_CORNERS - 1)], dtype=np.uint32)
         self._support = self._scene.add_mesh_simple(
-            f"{balance}/support", np.zeros((MAX_CORNERS, 3), np.float32), fan, color=_bytes(colours.SUPPORT),
-            opacity=float(colours.SUPPORT[3]), side="double", cast_shadow=False, receive_shadow=False,
+            f"{balance}/support", np.zeros((MAX_CORNERS, 3), np.float32), triangles,
+            color=_bytes(colours.SUPPORT), opacity=float(colours.SUPPORT[3]), side="double",
+            cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
     def begin(self) -> None:
         """Clear the paths of the feet, at the beginning of an episode."""
         self._trail.clear()
-        self._shaped_s = -np.inf
+        self._rebuilt_s = -np.inf
 
     def show(self, moment: Moment) -> None:
         """Draw a moment."""
@@ -77,7 +78,7 @@ class Marks:
         )
         self._trail.append(balance.foot)
         below = moment.position * (1.0, 1.0, 0.0)
-        stands = moment.contact > CONTACT_THRESHOLD
+        standing_feet = moment.contact > CONTACT_THRESHOLD
         goals = _footholds(moment) - below
         for layer in self.layers.values():
             layer.position = below
@@ -85,23 +86,25 @@ class Marks:
             disc.visible = bool(np.isfinite(goal).all())
             if disc.visible:
                 disc.position = goal
-        for disc, foot, down in zip(self._contacts, balance.foot - below + UP, stands.tolist(), strict=True):
-            disc.visible, disc.position = down, foot
+        for disc, foot, standing in zip(
+            self._contacts, balance.foot - below + UP, standing_feet.tolist(), strict=True
+        ):
+            disc.visible, disc.position = standing, foot
         self._centre.position, self._capture.position = balance.centre - below, balance.capture - below + UP
-        if moment.time_s - self._shaped_s >= REBUILD_INTERVAL_S:
-            self._shaped_s = moment.time_s
-            self._shape(balance, goals, below)
+        if moment.time_s - self._rebuilt_s >= REBUILD_INTERVAL_S:
+            self._rebuilt_s = moment.time_s
+            self._rebuild(balance, goals, below)
 
-    def _shape(self, balance: Balance, goals: np.ndarray, below: np.ndarray) -> None:
+    def _rebuild(self, balance: Balance, goals: np.ndarray, below: np.ndarray) -> None:
         """Draw lines and surfaces; unused segments have no length."""
         feet = balance.foot - below
-        path = np.array(self._trail) - below
-        path = np.concatenate([np.repeat(path[:1], TRAIL_POINTS - len(path), axis=0), path])
-        self._trails.points = np.stack([path[:-1], path[1:]], axis=2).reshape(-1, 2, 3)
+        trail = np.array(self._trail) - below
+        trail = np.concatenate([np.repeat(trail[:1], TRAIL_POINTS - len(trail), axis=0), trail])
+        self._trails.points = np.stack([trail[:-1], trail[1:]], axis=2).reshape(-1, 2, 3)
         ends = np.where(np.isfinite(goals), goals, feet)
-        ways = [_arc(foot, end, LIFT * self._height) for foot, end in zip(feet, ends, strict=True)]
-        self._ways.points = np.concatenate(ways)
-        self._forces.points = np.stack([feet, feet + self._newton_m * balance.force], axis=1)
+        paths = [_arc(foot, end, LIFT * self._height) for foot, end in zip(feet, ends, strict=True)]
+        self._foothold_paths.points = np.concatenate(paths)
+        self._forces.points = np.stack([feet, feet + self._m_per_n * balance.force], axis=1)
         centre, capture = balance.centre - below, balance.capture - below
         self._plumb.points = np.array([[centre, [*centre[:2], capture[2]]]])
         corners = balance.support[:MAX_CORNERS] - below + UP
@@ -109,7 +112,7 @@ class Marks:
             corners = capture[None] + UP
         corners = np.concatenate([corners, np.repeat(corners[-1:], MAX_CORNERS - len(corners), axis=0)])
         self._support.vertices = corners
-        self._edge.points = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+        self._support_edge.points = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
     def _disc(self, name: str, radius: float, colour: np.ndarray, visible: bool = False) -> Any:
         return self._scene.add_cylinder(
@@ -132,7 +135,7 @@ def _footholds(moment: Moment) -> np.ndarray:
 
 def _arc(start: np.ndarray, end: np.ndarray, height_m: float) -> np.ndarray:
     """Segments (k, 2, 3) of an arc from start to end; short arcs rise less."""
-    share = np.linspace(0.0, 1.0, WAY_POINTS)[:, None]
+    share = np.linspace(0.0, 1.0, PATH_POINTS)[:, None]
     arc = start + share * (end - start)
     rise = min(height_m, 0.5 * float(np.linalg.norm(end - start)))
     arc[:, 2:] += 4.0 * rise * share * (1.0 - share)

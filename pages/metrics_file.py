@@ -36,17 +36,17 @@ class MetricsFile:
                     self._offset = 0
                     self._rows.clear()
                 file.seek(self._offset)
-                whole, newline, _ = file.read().rpartition(b"\n")
+                complete, newline, _ = file.read().rpartition(b"\n")
         except FileNotFoundError:
             return False
-        self._offset += len(whole) + len(newline)
-        for line in whole.splitlines():
+        self._offset += len(complete) + len(newline)
+        for line in complete.splitlines():
             try:
                 row = json.loads(line)
                 self._rows[int(row["step"])] = row
             except (ValueError, KeyError, TypeError):
                 continue  # an incomplete line of a killed process
-        return bool(whole)
+        return bool(complete)
 
     def curve(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Environment steps and a metric's finite values, each (k,), in order; empty if it has none."""

@@ -61,16 +61,16 @@ def check_address(host: str, port: int) -> None:
     not have (IPv6, if it is disabled).
     """
     try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     except UnicodeError:
         raise _no_page(host, port, "no host can have this name") from None
     except OSError as error:
         raise _no_page(host, port, error.strerror) from None
-    refusals = [_refusal(family, kind, protocol, address) for family, kind, protocol, _, address in found]
+    refusals = [_refusal(family, kind, protocol, address) for family, kind, protocol, _, address in addresses]
     errors = [error for error in refusals if error is not None]
-    taken = [error for error in errors if error.errno not in NOT_AVAILABLE]
-    if taken or None not in refusals:
-        raise _no_page(host, port, (taken or errors)[0].strerror)
+    blocking = [error for error in errors if error.errno not in NOT_AVAILABLE]
+    if blocking or None not in refusals:
+        raise _no_page(host, port, (blocking or errors)[0].strerror)
 
 
 def _refusal(family: int, kind: int, protocol: int, address: tuple) -> OSError | None:

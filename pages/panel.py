@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 CURVES_WIDTH_PX = 320
 PUSHES_M_S = (0.2, 4.0)
-BEYOND = "The policy was trained on these ranges; a number beyond one is clipped to it."
-ALL = -1  # key of the curves that every visitor sees
-TELEPHONE_PX = 576  # largest width of the view on a phone
-BETWEEN_PANELS = 0.7  # largest aspect ratio of a view that is narrow only because of the two panels beside it
+RANGES_NOTE = "The policy was trained on these ranges; a number beyond one is clipped to it."
+ALL_VISITORS = -1  # key of the curves that every visitor sees
+PHONE_PX = 576  # largest width of the view on a phone
+PANELS_ASPECT = 0.7  # a view with a smaller aspect ratio is narrow because of the two panels beside it
 
 
 class Panel:
@@ -31,7 +31,7 @@ class Panel:
         self._push_requested = self._restart_requested = False
         self._commands = self._gui.add_folder("Command", visible=False)
         with self._commands:
-            self._gui.add_markdown(BEYOND, order=-0.5)
+            self._gui.add_markdown(RANGES_NOTE, order=-0.5)
             self._policy = self._gui.add_dropdown(
                 "Policy",
                 (NEWEST,),
@@ -45,7 +45,7 @@ class Panel:
         push.on_click(lambda _: setattr(self, "_push_requested", True))
         restart.on_click(lambda _: setattr(self, "_restart_requested", True))
         curves = self._gui.add_panel()
-        self._curves = {ALL: Curves(self._gui, curves.add_tab("Training"))}
+        self._curves = {ALL_VISITORS: Curves(self._gui, curves.add_tab("Training"))}
         self.live_curves = curves.add_tab("Now")  # container of the walking robot's curves
         curves.dock_left()
         curves.set_width(CURVES_WIDTH_PX)
@@ -61,8 +61,8 @@ class Panel:
         )
         with self._commands:
             self._sliders = [
-                self._gui.add_slider(label, low, high, 0.05, float(np.clip(first, low, high)), order=-1.0)
-                for label, (low, high), first in rows
+                self._gui.add_slider(label, low, high, 0.05, float(np.clip(initial, low, high)), order=-1.0)
+                for label, (low, high), initial in rows
             ]
         for slider in (*self._sliders, self._push_m_s):
             slider.on_update(lambda event: _keep_within_range(event.target))
@@ -86,10 +86,10 @@ class Panel:
     @property
     def paused(self) -> bool:
         """Whether the simulation is paused: on request, and while no page is open."""
-        return self._pause.value or not self.seen
+        return self._pause.value or not self.visited
 
     @property
-    def seen(self) -> bool:
+    def visited(self) -> bool:
         """Whether a page is open."""
         return bool(self._server.get_clients())
 
@@ -119,7 +119,7 @@ class Panel:
 
     def _add_curves(self, client: "ClientHandle") -> None:
         """Add curves below the controls on a phone, where viser shows the main panel only."""
-        if client.camera.image_width < TELEPHONE_PX and client.camera.aspect > BETWEEN_PANELS:
+        if client.camera.image_width < PHONE_PX and client.camera.aspect > PANELS_ASPECT:
             self._curves[client.client_id] = Curves(client.gui, client.gui.add_folder("Curves"))
 
     def _drop_curves(self, client: "ClientHandle") -> None:
@@ -128,13 +128,13 @@ class Panel:
 
 def _keep_within_range(slider: "GuiSliderHandle[float]") -> None:
     """Clamp a number that was typed beside a slider."""
-    within = _within_range(slider)
-    if within != slider.value:
-        slider.value = within  # type: ignore[misc]
+    clamped = _within_range(slider)
+    if clamped != slider.value:
+        slider.value = clamped  # type: ignore[misc]
 
 
 def _within_range(slider: "GuiSliderHandle[float]") -> float:
-    """A slider's value within its range; a client that is no browser may send anything."""
+    """A slider's value within its range; a client that is not a browser may send any value."""
     try:
         value = float(slider.value)
     except (TypeError, ValueError):

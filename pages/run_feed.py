@@ -17,7 +17,7 @@ from footfall.pages.moment import Moment
 from footfall.robots.readings import Sensed
 
 WAIT_S = 0.1  # between attempts to connect to a feed that does not exist yet
-OLD_NS = 500_000_000  # older estimates and plans are ignored
+MAX_AGE_NS = 500_000_000  # older estimates and plans are ignored
 ZEROS = np.zeros(3)
 
 
@@ -25,12 +25,12 @@ class RunFeed:
     """Keeps the newest message of each topic. A thread reads; messages are decoded on demand.
 
     Attributes:
-        over: whether the run or its process has ended.
+        ended: whether the run or its process has ended.
     """
 
     def __init__(self, path: Path) -> None:
         """Start reading; the feed may appear later."""
-        self.over = False
+        self.ended = False
         self._newest: dict[str, FeedMessage] = {}
         self._decode: dict[str, Callable[[bytes], Any]] = {}
         self._factory = DecoderFactory()
@@ -72,7 +72,7 @@ class RunFeed:
         with suppress(OSError):
             for message in self._reader:
                 self._newest[message.channel.topic] = message
-        self.over = True
+        self.ended = True
 
 
 def sensed(feed: RunFeed) -> Sensed | None:
@@ -80,23 +80,23 @@ def sensed(feed: RunFeed) -> Sensed | None:
     joints, imu = feed.newest("/joint_states"), feed.newest("/imu/data")
     if joints is None or imu is None:
         return None
-    turn = imu.orientation
+    orientation = imu.orientation
     return Sensed(
         gyro=_vector(imu.angular_velocity),
         acceleration=_vector(imu.linear_acceleration),
-        quaternion=np.array([turn.w, turn.x, turn.y, turn.z]),
+        quaternion=np.array([orientation.w, orientation.x, orientation.y, orientation.z]),
         joint_position=np.array(joints.position),
         joint_velocity=np.array(joints.velocity),
         joint_torque=np.array(joints.effort),
     )
 
 
-def moment(feed: RunFeed, feet: int) -> Moment | None:
+def newest_moment(feed: RunFeed, feet: int) -> Moment | None:
     """Estimated state of a robot with this number of feet; None before the first readings.
 
-    Before it walks it is at the origin and no foot counts as standing. The origin of heights is arbitrary.
+    Before the robot walks, its position is the origin and no foot stands. The origin of heights is arbitrary.
     """
-    readings, since_ns = sensed(feed), feed.time_ns - OLD_NS
+    readings, since_ns = sensed(feed), feed.time_ns - MAX_AGE_NS
     if readings is None:
         return None
     command, footholds = feed.newest("/cmd_vel", since_ns), feed.newest("/footholds", since_ns)
@@ -104,10 +104,10 @@ def moment(feed: RunFeed, feet: int) -> Moment | None:
     twist = None if command is None else command.twist
     position, velocity, quaternion = ZEROS, ZEROS, readings.quaternion
     if odometry is not None:
-        position, turn = _vector(odometry.pose.pose.position), odometry.pose.pose.orientation
+        position, orientation = _vector(odometry.pose.pose.position), odometry.pose.pose.orientation
         if contacts is not None:
             velocity = _vector(odometry.twist.twist.linear)
-            quaternion = np.array([turn.w, turn.x, turn.y, turn.z])
+            quaternion = np.array([orientation.w, orientation.x, orientation.y, orientation.z])
     return Moment(
         time_s=feed.time_ns * 1e-9,
         position=position,

@@ -16,9 +16,9 @@ WORLD = "/world"
 GREY = (150, 156, 164)  # visible on light and dark pages
 NARROW_ASPECT = 0.9  # aspect ratio (width over height) below which the camera moves back
 MIN_CHANNEL = 0.24  # smallest value of a shape's colour channels: black legs are invisible on a dark page
-EDGED = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
+FLAT_SHADED = (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER)
 ARROW_S = 0.4  # an arrow is as long as the distance covered in this time
-FOLLOWING = 0.1  # share of the distance to the robot by which the view moves in a frame
+FOLLOW_SHARE = 0.1  # share of the distance to the robot by which the view moves in a frame
 
 
 class Scene:
@@ -43,7 +43,7 @@ class Scene:
             for body in sorted({shape.body for shape in shapes})
         }
         for shape in shapes:
-            self._add(server, model, shape)
+            self._add_shape(server, model, shape)
         self._arrows = {
             name: scene.add_arrows(
                 f"{WORLD}/{name}", np.zeros((1, 2, 3)), _bytes(colour), shaft_radius=0.035 * height,
@@ -54,10 +54,10 @@ class Scene:
         camera = server.initial_camera
         camera.look_at = (0.0, 0.0, 0.6 * height)
         camera.position = tuple(self._viewpoint)
-        server.on_client_connect(self._step_back)
-        self._middle = np.zeros(3)
+        server.on_client_connect(self._move_camera_back)
+        self._view_centre = np.zeros(3)
 
-    def _step_back(self, client: "ClientHandle") -> None:
+    def _move_camera_back(self, client: "ClientHandle") -> None:
         """Move the camera back if the view is narrow, so that the whole robot is visible."""
         if client.camera.aspect < NARROW_ASPECT:
             target = client.camera.look_at  # moving the camera would move its target too
@@ -78,27 +78,27 @@ class Scene:
                 frame.position, frame.wxyz = data.xpos[body], data.xquat[body]
             base = data.xpos[self._base]
             if follow:
-                self._middle += FOLLOWING * (base * (1.0, 1.0, 0.0) - self._middle)
-                self._world.position = -self._middle
-            heading = _level(data.xmat[self._base].reshape(3, 3))
-            for raised, name, vector in ((0.75, "command", command), (0.95, "velocity", velocity)):
+                self._view_centre += FOLLOW_SHARE * (base * (1.0, 1.0, 0.0) - self._view_centre)
+                self._world.position = -self._view_centre
+            heading = _yaw_rotation(data.xmat[self._base].reshape(3, 3))
+            for height_share, name, vector in ((0.75, "command", command), (0.95, "velocity", velocity)):
                 vector_m = heading @ np.array([vector[0], vector[1], 0.0]) * ARROW_S
                 arrow = self._arrows[name]
                 arrow.visible = bool(np.linalg.norm(vector_m) > 0.02)
-                arrow.position = base + np.array([0.0, 0.0, raised * self._height])
+                arrow.position = base + np.array([0.0, 0.0, height_share * self._height])
                 arrow.points = np.array([[np.zeros(3), vector_m]], dtype=np.float32)
 
     def begin(self) -> None:
         """Centre the view at the origin, at the beginning of an episode."""
-        self._middle = np.zeros(3)
+        self._view_centre = np.zeros(3)
 
-    def _add(self, server: "ViserServer", model: mujoco.MjModel, shape: Shape) -> None:
+    def _add_shape(self, server: "ViserServer", model: mujoco.MjModel, shape: Shape) -> None:
         server.scene.add_mesh_simple(
             f"{_frame_of(shape.body)}/geom_{shape.geom}", shape.vertices, shape.faces,
             color=_bytes(np.maximum(shape.rgba, MIN_CHANNEL)),
             opacity=None if shape.rgba[3] == 1.0 else float(shape.rgba[3]),
             position=shape.position, wxyz=shape.quaternion,
-            flat_shading=model.geom_type[shape.geom] in EDGED,
+            flat_shading=model.geom_type[shape.geom] in FLAT_SHADED,
         )  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def _bytes(rgba: np.ndarray) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _level(rotation: np.ndarray) -> np.ndarray:
+def _yaw_rotation(rotation: np.ndarray) -> np.ndarray:
     """The yaw part of a rotation (3, 3)."""
     yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
     cos, sin = np.cos(yaw), np.sin(yaw)

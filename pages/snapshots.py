@@ -77,7 +77,7 @@ class Exporter:
             return answer
         except (EOFError, ConnectionResetError):
             self.close()
-            return Exported(None, "the process that exports it died")
+            return Exported(None, "the exporting process died")
 
     def close(self) -> None:
         """End the process."""
@@ -95,7 +95,7 @@ class Snapshots:
         self._run, self._folder = run, folder
         self._exporter = exporter or Exporter(run)
         self._export: tuple[Path, str] | None = None  # the checkpoint, and the choice at that time
-        self._done: DatedFile | None = None  # source of the last policy returned, or one that failed
+        self._last_source: DatedFile | None = None  # source of the last policy returned, or one that failed
         self.chosen = NEWEST
         self.problem = ""  # why a checkpoint could not be used, in one line
 
@@ -120,13 +120,13 @@ class Snapshots:
         source = self._source()
         if source is None:
             self._exporter.wake()
-        if source is None or source == self._done:
+        if source is None or source == self._last_source:
             return None
-        self._done = source  # a failed export is not tried again
+        self._last_source = source  # a failed export is not tried again
         policy = self._policy_of(source)
         if policy is None:
             self._export = (source.path, self.chosen)
-            self._exporter.start(source.path, self._exported(source.path))
+            self._exporter.start(source.path, self._exported_path(source.path))
             return None
         self.problem = ""
         finished = source.path.name == FINISHED
@@ -159,10 +159,10 @@ class Snapshots:
         """The ONNX file of a source, if it exists."""
         if source.path.suffix == ".onnx":
             return source.path
-        exported = _newest(self._exported(source.path))
+        exported = _newest(self._exported_path(source.path))
         return exported.path if exported is not None and exported.time_ns >= source.time_ns else None
 
-    def _exported(self, checkpoint: Path) -> Path:
+    def _exported_path(self, checkpoint: Path) -> Path:
         return self._folder / f"{checkpoint.stem}.onnx"
 
 

@@ -18,7 +18,7 @@ class Status:
     steps_per_iteration: int
     finished: bool = False  # whether the final policy exists
     trained_steps: int = 0
-    metrics_age_s: float | None = None  # None before the first
+    metrics_age_s: float | None = None  # None before the first metrics
     exporting: int | None = None  # iteration of the checkpoint that is being exported
     iteration: int | None = None  # of the walking policy
     policies: int = 0  # number of policies that have walked so far

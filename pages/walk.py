@@ -118,9 +118,10 @@ class Walk:
         self._policy: NewestPolicy | None = None
         self._pushes = np.random.default_rng(0)
         self._refreshed_s = 0.0
-        made = run.provenance
+        provenance = run.provenance
+        preset = Path(provenance.preset).stem
         self._status = Status(
-            title=f"{robot.name}, preset {Path(made.preset).stem}, seed {made.seed}, {made.trainer}",
+            title=f"{robot.name}, preset {preset}, seed {provenance.seed}, {provenance.trainer}",
             folder=str(run.folder),
             total_steps=run.config.ppo.iterations * run.config.ppo.steps_per_iteration,
             steps_per_iteration=run.config.ppo.steps_per_iteration,
@@ -146,22 +147,22 @@ class Walk:
             self._status.falls += trace.fell
             self._status.last_fall = trace.fall_reason or trace.faults[0]
 
-    def _tick(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+    def _tick(self, loop: ControlLoop, simulated: SimulatedRobot) -> None:
         """Called by the loop after each joint tick."""
         if self._stop.requested:
             loop.finish()  # damping, then motors off, without waiting for the wall clock
         elif loop.now_us >= self._next_frame_us:
-            self._frame(loop, body)
+            self._frame(loop, simulated)
 
-    def _frame(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+    def _frame(self, loop: ControlLoop, simulated: SimulatedRobot) -> None:
         """Carry out requests, draw, check the run folder, and wait for the wall clock."""
         self._next_frame_us += FRAME_US
-        self._carry_out(loop, body)
-        self._show(loop, body)
+        self._carry_out(loop, simulated)
+        self._show(loop, simulated)
         self._refresh()
         self._pace.wait(loop.now_us * 1e-6)
 
-    def _carry_out(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+    def _carry_out(self, loop: ControlLoop, simulated: SimulatedRobot) -> None:
         """Carry out the page's requests: pause, push, restart."""
         if self._panel.paused:
             while self._panel.paused and not self._stop.requested:
@@ -170,19 +171,19 @@ class Walk:
             self._pace.resume(loop.now_us * 1e-6)
         if speed := self._panel.take_push():
             direction = self._pushes.uniform(-np.pi, np.pi)
-            body.push((speed * np.cos(direction), speed * np.sin(direction), 0.0))
+            simulated.push((speed * np.cos(direction), speed * np.sin(direction), 0.0))
         if self._panel.take_restart():
             loop.finish()
 
-    def _show(self, loop: ControlLoop, body: SimulatedRobot) -> None:
-        truth, status = body.truth(), self._status
+    def _show(self, loop: ControlLoop, simulated: SimulatedRobot) -> None:
+        truth, status = simulated.truth(), self._status
         moment = true_moment(loop, truth, self._panel.command)
         velocity = np.array([*truth.base_velocity[:2], truth.base_angular_velocity[2]])
         status.velocity = status.velocity + SMOOTHING * (velocity - status.velocity)
         status.command, status.mode = moment.command, loop.state.mode.value
         status.pace, status.restart_s = self._pace.factor, EPISODE_S
         status.walked_s = loop.walking_s if loop.walking else 0.0
-        self._view.show(body.data, moment, status.velocity, self._panel.follow)
+        self._view.show(simulated.data, moment, status.velocity, self._panel.follow)
 
     def _refresh(self) -> None:
         """Check the run folder for new metrics and policies, at most every `REFRESH_S`."""
@@ -193,12 +194,14 @@ class Walk:
         status = self._status
         self._metrics.refresh()
         status.trained_steps, status.metrics_age_s = self._metrics.last_step, self._metrics.age_s()
-        trained = status.metrics_age_s is None or status.trained_steps >= status.total_steps
-        status.finished = trained and self._policy_file.exists()
+        training_done = status.metrics_age_s is None or status.trained_steps >= status.total_steps
+        status.finished = training_done and self._policy_file.exists()
         self._panel.draw(self._metrics, status.finished)
         self._panel.offer_policies(self._snapshots.names())
         self._snapshots.chosen = self._panel.policy
-        if self._policy is None or self._panel.seen:  # without a visitor, an export only slows the training
+        if (
+            self._policy is None or self._panel.visited
+        ):  # without a visitor, an export only slows the training
             snapshot = self._snapshots.poll()
             if snapshot is not None:
                 self._take_over(snapshot)

@@ -84,7 +84,7 @@ def leg_windows(
                 factors.append(float(unit[free.quantity][index]) if free.quantity in unit else 1.0)
                 parameters.append(Parameter(free.quantity, joint))
     numbers.append(Number(DELAY, "s", 0.003, 0.0, 0.02, 0.003))
-    joints = leg.joint_names if QUANTITIES["delay_s"].of == "joint" else (LEG,)
+    joints = leg.joint_names if QUANTITIES["delay_s"].owner_kind == "joint" else (LEG,)
     parameters += [Parameter("delay_s", joint) for joint in joints]
 
     def predict(candidates: np.ndarray, start: np.ndarray) -> np.ndarray:

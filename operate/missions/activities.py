@@ -11,24 +11,24 @@ from footfall.operate.abilities import Limits
 from footfall.operate.missions.follow import Tracking, along, arrived, distance, nearest, towards
 from footfall.operate.missions.path import Path
 
-TAKES_OVER_S = 10.0  # maximum time for a policy to take over, or to start a jump
+TAKE_OVER_TIMEOUT_S = 10.0  # maximum time for a policy to take over, or to start a jump
 JUMP_COMMAND = np.array([0.3, 0.0, 0.0])  # command that makes the robot jump
-MIN_JUMP_M = 0.2  # farther than this from its start the robot has left the ground
-LANDED_S = 1.5  # time after which it stands again
+MIN_JUMP_M = 0.2  # beyond this distance from the jump's start the robot has taken off
+LANDED_S = 1.5  # time from take-off until the robot stands again
 JUMP_S = 3.0  # approximate duration of a jump
 
 
-class Act(NamedTuple):
+class Output(NamedTuple):
     """Output of an activity: request and progress."""
 
     request: Request
     remaining_s: float
     done: bool = False
     error_m: float = math.nan  # distance from the desired position
-    trouble: str = ""  # reason for giving up
+    failure: str = ""  # reason for giving up
 
 
-class Now(NamedTuple):
+class Input(NamedTuple):
     """Input of an activity."""
 
     time_s: float  # since the start of the step
@@ -39,7 +39,7 @@ class Now(NamedTuple):
 class Activity(Protocol):
     """A step that is being carried out."""
 
-    def act(self, now: Now) -> Act:
+    def act(self, now: Input) -> Output:
         """Called at each policy step."""
         ...
 
@@ -51,9 +51,9 @@ class Hold:
     request: Request
     for_s: float
 
-    def act(self, now: Now) -> Act:
+    def act(self, now: Input) -> Output:
         remaining_s = self.for_s - now.time_s
-        return Act(self.request, max(0.0, remaining_s), done=remaining_s <= 0.0)
+        return Output(self.request, max(0.0, remaining_s), done=remaining_s <= 0.0)
 
 
 @dataclass
@@ -64,10 +64,10 @@ class Cover:
     distance_m: float
     begin: Pose
 
-    def act(self, now: Now) -> Act:
-        left_m = self.distance_m - distance(self.begin, now.pose)
+    def act(self, now: Input) -> Output:
+        remaining_m = self.distance_m - distance(self.begin, now.pose)
         speed = math.hypot(self.velocity[0], self.velocity[1])
-        return Act(Request(self.velocity), max(0.0, left_m / speed), done=left_m <= 0.0)
+        return Output(Request(self.velocity), max(0.0, remaining_m / speed), done=remaining_m <= 0.0)
 
 
 @dataclass
@@ -78,13 +78,13 @@ class Reach:
     limits: Limits
     tracking: Tracking
 
-    def act(self, now: Now) -> Act:
+    def act(self, now: Input) -> Output:
         error_m = distance(self.goal, now.pose)
         done = arrived(self.goal, now.pose, self.tracking)
         turn_s = abs(self.goal.yaw_rad - now.pose.yaw_rad) / self.limits.yaw_rad_s
         velocity = ZERO_COMMAND if done else towards(self.goal, now.pose, self.limits, self.tracking)
-        trouble = _off(error_m, self.tracking)
-        return Act(Request(velocity), turn_s + error_m, done, error_m, trouble)
+        failure = _off_path(error_m, self.tracking)
+        return Output(Request(velocity), turn_s + error_m, done, error_m, failure)
 
 
 @dataclass
@@ -96,7 +96,7 @@ class Follow:
     tracking: Tracking
     _index: int = field(default=0, init=False)
 
-    def act(self, now: Now) -> Act:
+    def act(self, now: Input) -> Output:
         path = self.path
         self._index, error_m = nearest(path, now.pose, self._index)
         if self._index == len(path.points) - 1:
@@ -104,7 +104,9 @@ class Follow:
         turn_s = abs(float(path.heading[self._index]) - now.pose.yaw_rad) / self.limits.yaw_rad_s
         remaining_s = float(path.remaining_s[self._index]) + turn_s
         velocity = along(path, self._index, now.pose, self.limits, self.tracking)
-        return Act(Request(velocity), remaining_s, error_m=error_m, trouble=_off(error_m, self.tracking))
+        return Output(
+            Request(velocity), remaining_s, error_m=error_m, failure=_off_path(error_m, self.tracking)
+        )
 
 
 @dataclass
@@ -115,53 +117,56 @@ class Change:
     gait: str = ""
     settings: dict[str, float] = field(default_factory=dict)
 
-    def act(self, now: Now) -> Act:
+    def act(self, now: Input) -> Output:
         request = Request(
             ZERO_COMMAND, policy=self.policy, gait=self.gait, settings=self.settings or NO_SETTINGS
         )
         done = self.policy in ("", now.policy)
-        late = not done and now.time_s > TAKES_OVER_S
-        return Act(request, 0.0, done, trouble=f"'{self.policy}' does not take over" if late else "")
+        late = not done and now.time_s > TAKE_OVER_TIMEOUT_S
+        return Output(request, 0.0, done, failure=f"'{self.policy}' does not take over" if late else "")
 
 
 @dataclass
 class Leap:
-    """Jump some times with a policy that can jump, then return to the previous policy."""
+    """Jump several times with a policy that can jump, then return to the previous policy."""
 
     policy: str
-    times: int
-    _back_to: str = field(default="", init=False)
-    _from: Pose | None = field(default=None, init=False)  # start of the current jump
-    _since_s: float = field(default=0.0, init=False)  # start of the current phase
-    _leapt: bool = field(default=False, init=False)
+    remaining_jumps: int
+    _previous_policy: str = field(default="", init=False)
+    _jump_start: Pose | None = field(default=None, init=False)  # start of the current jump
+    _phase_start_s: float = field(default=0.0, init=False)  # start of the current phase
+    _taken_off: bool = field(default=False, init=False)
 
-    def act(self, now: Now) -> Act:
-        self._back_to = self._back_to or now.policy
-        if not self.times:
-            return self._request(now, self._back_to, done=now.policy == self._back_to)
+    def act(self, now: Input) -> Output:
+        self._previous_policy = self._previous_policy or now.policy
+        if not self.remaining_jumps:
+            return self._request(now, self._previous_policy, done=now.policy == self._previous_policy)
         if now.policy != self.policy:
             return self._request(now, self.policy)
-        if self._from is None:
-            self._from, self._since_s, self._leapt = now.pose, now.time_s, False
-        if not self._leapt and distance(self._from, now.pose) > MIN_JUMP_M:
-            self._leapt, self._since_s = True, now.time_s
-        if self._leapt and now.time_s - self._since_s > LANDED_S:
-            self.times, self._from, self._since_s = self.times - 1, None, now.time_s
-        return self._request(now, self.policy, ZERO_COMMAND if self._leapt else JUMP_COMMAND)
+        if self._jump_start is None:
+            self._jump_start, self._phase_start_s, self._taken_off = now.pose, now.time_s, False
+        if not self._taken_off and distance(self._jump_start, now.pose) > MIN_JUMP_M:
+            self._taken_off, self._phase_start_s = True, now.time_s
+        if self._taken_off and now.time_s - self._phase_start_s > LANDED_S:
+            self.remaining_jumps -= 1
+            self._jump_start, self._phase_start_s = None, now.time_s
+        return self._request(now, self.policy, ZERO_COMMAND if self._taken_off else JUMP_COMMAND)
 
-    def _request(self, now: Now, policy: str, velocity: np.ndarray = ZERO_COMMAND, done: bool = False) -> Act:
-        late = not done and now.time_s - self._since_s > TAKES_OVER_S
-        trouble = f"'{policy}' does not {'jump' if velocity.any() else 'take over'}" if late else ""
-        return Act(Request(velocity, policy=policy), self.times * JUMP_S, done, trouble=trouble)
+    def _request(
+        self, now: Input, policy: str, velocity: np.ndarray = ZERO_COMMAND, done: bool = False
+    ) -> Output:
+        late = not done and now.time_s - self._phase_start_s > TAKE_OVER_TIMEOUT_S
+        failure = f"'{policy}' does not {'jump' if velocity.any() else 'take over'}" if late else ""
+        return Output(Request(velocity, policy=policy), self.remaining_jumps * JUMP_S, done, failure=failure)
 
 
 @dataclass
 class LieDown:
     """Lie down, which ends the run."""
 
-    def act(self, now: Now) -> Act:
-        return Act(Request(ZERO_COMMAND, Behaviour.LIE_DOWN), 0.0, done=True)
+    def act(self, now: Input) -> Output:
+        return Output(Request(ZERO_COMMAND, Behaviour.LIE_DOWN), 0.0, done=True)
 
 
-def _off(error_m: float, tracking: Tracking) -> str:
+def _off_path(error_m: float, tracking: Tracking) -> str:
     return f"it is {error_m:.2f} m away from the path" if error_m > tracking.off_path_m else ""

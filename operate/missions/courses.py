@@ -34,7 +34,7 @@ class OdometryStep:
         require_between(self, 0.1, MAX_DURATION_S, "timeout_s")
 
     def check(self, limits: Limits, offer: Offer) -> None:
-        if not limits.anywhere:
+        if not limits.omnidirectional:
             raise ValueError("the policy must accept forward, sideways and yaw commands in both directions")
         fastest = limits.ranges.forward_m_s[1]
         if self.speed_m_s is not None and self.speed_m_s > fastest:
@@ -48,8 +48,8 @@ class OdometryStep:
             )
         path = sample(corners, begin.yaw_rad, end_yaw, scene.pace(self.speed_m_s))
         first_s = abs(float(path.heading[0]) - begin.yaw_rad) / scene.limits.yaw_rad_s
-        lasts_s = first_s + float(path.remaining_s[0])
-        return Plan(lasts_s, path.end, Follow(path, scene.limits, scene.tracking))
+        duration_s = first_s + float(path.remaining_s[0])
+        return Plan(duration_s, path.end, Follow(path, scene.limits, scene.tracking))
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class GoTo(OdometryStep):
     """Walk straight to a point in the mission's frame: origin at its start, x forward, y left."""
 
     to: tuple[float, float]  # m
-    heading_deg: float | None = None  # at the end; default: the direction of the way
+    heading_deg: float | None = None  # at the end; default: the direction of the walk
 
     def __post_init__(self) -> None:
         super().__post_init__()

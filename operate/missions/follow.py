@@ -40,24 +40,26 @@ class Tracking:
 
 
 def nearest(path: Path, pose: Pose, begin: int) -> tuple[int, float]:
-    """Index of the nearest sample, starting at `begin`, and its distance in m."""
-    ahead = path.points[begin : begin + SEARCH_SAMPLES] - (pose.x_m, pose.y_m)
-    squares = np.einsum("ij,ij->i", ahead, ahead)
-    index = int(squares.argmin())
-    return begin + index, math.sqrt(squares[index])
+    """Index of the nearest sample from `begin` on, and its distance in m."""
+    offsets = path.points[begin : begin + SEARCH_SAMPLES] - (pose.x_m, pose.y_m)
+    squared_distances = np.einsum("ij,ij->i", offsets, offsets)
+    index = int(squared_distances.argmin())
+    return begin + index, math.sqrt(squared_distances[index])
 
 
 def along(path: Path, index: int, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
     """The command (3,) for following a path whose nearest sample is `index`."""
     speed, heading = float(path.speed[index]), float(path.heading[index])
-    look = index + round(speed / tracking.heading_gain / SPACING_M)  # avoids an error of heading in a bend
-    turn = float(path.heading[min(look, len(path.heading) - 1)]) - pose.yaw_rad
+    look_ahead = index + round(
+        speed / tracking.heading_gain / SPACING_M
+    )  # avoids an error of heading in a bend
+    turn = float(path.heading[min(look_ahead, len(path.heading) - 1)]) - pose.yaw_rad
     speed *= max(0.0, math.cos(turn)) ** 2  # turn first, then walk
     x, y = path.points[index].tolist()
     gain = tracking.position_gain
-    ahead = speed * math.cos(heading) + gain * (x - pose.x_m)
-    left = speed * math.sin(heading) + gain * (y - pose.y_m)
-    return command(ahead, left, tracking.heading_gain * turn, pose, limits)
+    x_m_s = speed * math.cos(heading) + gain * (x - pose.x_m)
+    y_m_s = speed * math.sin(heading) + gain * (y - pose.y_m)
+    return command(x_m_s, y_m_s, tracking.heading_gain * turn, pose, limits)
 
 
 def towards(goal: Pose, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
@@ -67,9 +69,9 @@ def towards(goal: Pose, pose: Pose, limits: Limits, tracking: Tracking) -> np.nd
     return command(gain * (goal.x_m - pose.x_m), gain * (goal.y_m - pose.y_m), turn, pose, limits)
 
 
-def distance(one: Pose, other: Pose) -> float:
+def distance(first: Pose, second: Pose) -> float:
     """Distance between two positions, m."""
-    return math.hypot(one.x_m - other.x_m, one.y_m - other.y_m)
+    return math.hypot(first.x_m - second.x_m, first.y_m - second.y_m)
 
 
 def arrived(goal: Pose, pose: Pose, tracking: Tracking) -> bool:
@@ -79,9 +81,15 @@ def arrived(goal: Pose, pose: Pose, tracking: Tracking) -> bool:
 
 
 def command(x_m_s: float, y_m_s: float, yaw_rad_s: float, pose: Pose, limits: Limits) -> np.ndarray:
-    """Convert a velocity in the pose's frame to a command (3,) in the body frame, within a policy's limits.
+    """Convert a velocity to a command (3,) in the body frame, within a policy's limits.
 
-    Clipping the speed keeps the direction. A command below the minimum is scaled up to it.
+    Clipping the speed keeps the direction. A command with a smaller norm than the limits' is scaled up to it.
+
+    Args:
+        x_m_s, y_m_s: velocity in the frame in which `pose` is given.
+        yaw_rad_s: yaw rate.
+        pose: pose of the robot.
+        limits: limits of the policy.
     """
     cos, sin = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
     ahead, left = cos * x_m_s + sin * y_m_s, cos * y_m_s - sin * x_m_s
@@ -90,7 +98,7 @@ def command(x_m_s: float, y_m_s: float, yaw_rad_s: float, pose: Pose, limits: Li
     low, high = ranges.yaw_rad_s
     result = np.array([share * ahead, share * left, min(max(yaw_rad_s, low), high)])
     norm = math.sqrt(result @ result)
-    return result * (limits.slowest / norm) if 0.0 < norm < limits.slowest else result
+    return result * (limits.min_norm / norm) if 0.0 < norm < limits.min_norm else result
 
 
 def _share(value: float, limits: tuple[float, float]) -> float:

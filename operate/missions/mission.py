@@ -71,7 +71,7 @@ class Mission:
         Raises:
             UserError: a step is impossible; the message names it.
         """
-        lasts_s, pose = [], HERE
+        durations_s, pose = [], HERE
         for number, (kind, step) in enumerate(self.steps, 1):
             limits, offer = abilities(policy)
             try:
@@ -81,8 +81,8 @@ class Mission:
                 raise UserError(f"{self.source}: step {number} ({kind}): {error}") from None
             pose = plan.end
             policy = step.name if isinstance(step, UsePolicy) else policy
-            lasts_s.append(plan.lasts_s)
-        return lasts_s
+            durations_s.append(plan.duration_s)
+        return durations_s
 
 
 def load_mission(path: Path) -> Mission:
@@ -102,9 +102,9 @@ def mission_of(data: Any, source: str) -> Mission:
         raise UserError(f"{source}: {len(data['steps'])} steps are more than {MAX_STEPS}")
     settings = structure({k: v for k, v in data.items() if k != "steps"}, MissionSettings, source)
     steps = tuple(_step(each, f"{source}: step {number}") for number, each in enumerate(data["steps"], 1))
-    if early := [number for number, each in enumerate(steps[:-1], 1) if each.kind == "lie_down"]:
+    if not_last := [number for number, each in enumerate(steps[:-1], 1) if each.kind == "lie_down"]:
         raise UserError(
-            f"{source}: step {early[0]} (lie_down): it ends the run, so it has to be the last one"
+            f"{source}: step {not_last[0]} (lie_down): it ends the run, so it has to be the last one"
         )
     return Mission(source, settings, steps)
 
@@ -120,12 +120,12 @@ def _step(data: Any, where: str) -> NamedStep:
         )
     cls = STEPS[kind]
     if value is None:
-        given: Any = {}
+        content: Any = {}
     elif isinstance(value, Mapping):
-        given = dict(value)
+        content = dict(value)
     else:
-        first = next((each.name for each in fields(cls) if not each.kw_only), None)  # type: ignore[arg-type]
-        if first is None:
+        first_field = next((each.name for each in fields(cls) if not each.kw_only), None)  # type: ignore[arg-type]
+        if first_field is None:
             raise UserError(f"{where} ({kind}): it takes no value, not {value!r:.80}")
-        given = {first: value}
-    return NamedStep(kind, structure_value(given, cls, f"{where} ({kind})"))
+        content = {first_field: value}
+    return NamedStep(kind, structure_value(content, cls, f"{where} ({kind})"))

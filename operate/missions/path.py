@@ -43,8 +43,8 @@ def rectangle(length_m: float, width_m: float) -> np.ndarray:
 
 def circle(radius_m: float) -> np.ndarray:
     """Points (n, 2) of a circle that starts ahead and bends left, or right for a negative radius."""
-    number = max(16, math.ceil(2 * math.pi * abs(radius_m) / SPACING_M))
-    angle = np.linspace(0.0, 2 * math.pi, number + 1)
+    count = max(16, math.ceil(2 * math.pi * abs(radius_m) / SPACING_M))
+    angle = np.linspace(0.0, 2 * math.pi, count + 1)
     return np.stack([abs(radius_m) * np.sin(angle), radius_m * (1.0 - np.cos(angle))], axis=1)
 
 
@@ -65,27 +65,27 @@ def sample(corners: np.ndarray, yaw: float, end_yaw: float | None, pace: Pace) -
         pace: speeds.
     """
     points = _resampled(corners)
-    ahead = np.diff(points, axis=0)
-    spacing = np.linalg.norm(ahead, axis=1)
-    along = np.unwrap(np.append(yaw, np.arctan2(ahead[:, 1], ahead[:, 0])))[1:]
-    at_end = 0.0 if end_yaw is None else math.remainder(end_yaw - along[-1], 2 * math.pi)
-    turn = np.append(np.abs(np.diff(along)), abs(at_end))  # at the end of each line between samples
+    segments = np.diff(points, axis=0)
+    spacing = np.linalg.norm(segments, axis=1)
+    headings = np.unwrap(np.append(yaw, np.arctan2(segments[:, 1], segments[:, 0])))[1:]
+    end_turn = 0.0 if end_yaw is None else math.remainder(end_yaw - headings[-1], 2 * math.pi)
+    turn = np.append(np.abs(np.diff(headings)), abs(end_turn))  # at the end of each line between samples
     speed = np.full(len(points), pace.speed_m_s)
     speed[1:] = np.minimum(speed[1:], YAW_SHARE * pace.yaw_rad_s * spacing / np.maximum(turn, 1e-9))
     speed[-1] = 0.0
     speed = _braked(np.maximum(speed, pace.creep_m_s), spacing, pace.deceleration_m_s2)
     # The robot turns in bends while walking and in corners while standing: the longer of both times counts.
-    lasts_s = np.maximum(spacing / speed[:-1], turn / pace.yaw_rad_s)
-    remaining_s = np.append(np.cumsum(lasts_s[::-1])[::-1], 0.0)
-    return Path(points, np.append(along, along[-1] + at_end), speed, remaining_s)
+    duration_s = np.maximum(spacing / speed[:-1], turn / pace.yaw_rad_s)
+    remaining_s = np.append(np.cumsum(duration_s[::-1])[::-1], 0.0)
+    return Path(points, np.append(headings, headings[-1] + end_turn), speed, remaining_s)
 
 
 def _resampled(corners: np.ndarray) -> np.ndarray:
     """Points along the lines between corners, including the corners."""
     parts = []
     for begin, end in pairwise(corners):
-        number = max(1, round(float(np.linalg.norm(end - begin)) / SPACING_M))
-        parts.append(begin + np.linspace(0.0, 1.0, number, endpoint=False)[:, None] * (end - begin))
+        count = max(1, round(float(np.linalg.norm(end - begin)) / SPACING_M))
+        parts.append(begin + np.linspace(0.0, 1.0, count, endpoint=False)[:, None] * (end - begin))
     return np.concatenate([*parts, corners[-1:]])
 
 

@@ -8,7 +8,7 @@ from footfall.common.errors import UserError
 from footfall.deploy.command_source import ZERO_COMMAND, Behaviour, Pose, Request, Status
 from footfall.deploy.modes import Mode
 from footfall.operate.abilities import Abilities
-from footfall.operate.missions.activities import Act, Now
+from footfall.operate.missions.activities import Input, Output
 from footfall.operate.missions.courses import GoTo, OdometryStep
 from footfall.operate.missions.mission import HERE, Mission, NamedStep
 from footfall.operate.missions.step import Plan
@@ -55,16 +55,16 @@ class MissionSource:
             UserError: a step is impossible; the message names it.
         """
         self._mission, self._abilities, self._steps = mission, abilities, mission.steps
-        lasts_s = mission.planned_s(policy, abilities)
-        self._later_s = [sum(lasts_s[number:]) for number in range(1, len(lasts_s) + 1)]
+        durations_s = mission.planned_s(policy, abilities)
+        self._after_step_s = [sum(durations_s[number:]) for number in range(1, len(durations_s) + 1)]
         self._index = -1
         self._plan: Plan | None = None
         self._origin: Pose | None = None
         self._yaw = 0.0  # in the mission's frame, not wrapped
-        self._began_s = self._best_s = self._progress_s = 0.0
+        self._began_s = self._min_remaining_s = self._progress_s = 0.0
         self._request = Request(ZERO_COMMAND, autonomous=True, owner=f"mission {mission.source}")
-        self._low = False
-        self.progress = Progress(0, len(mission.steps), "", math.nan, sum(lasts_s), math.nan)
+        self._charge_low = False
+        self.progress = Progress(0, len(mission.steps), "", math.nan, sum(durations_s), math.nan)
         self.goal = HERE  # target of the latest step that moves the robot, in the mission's frame
 
     def poll(self, status: Status) -> Request:
@@ -72,15 +72,15 @@ class MissionSource:
         if status.mode is not Mode.WALKING or self.progress.outcome:
             return self._request
         if math.isnan(status.pose.x_m):
-            return self._over("there is no odometry")
+            return self._end("there is no odometry")
         try:
-            return self._walk(status, self._pose(status.pose))
+            return self._advance(status, self._pose(status.pose))
         except (UserError, ValueError) as error:  # planning from the current pose failed
-            return self._over(str(error))
+            return self._end(str(error))
 
-    def _walk(self, status: Status, pose: Pose) -> Request:
-        if status.charge <= self._mission.settings.low_charge and not self._low:
-            self._low = True
+    def _advance(self, status: Status, pose: Pose) -> Request:
+        if status.charge <= self._mission.settings.low_charge and not self._charge_low:
+            self._charge_low = True
             self._replace_steps(HOME if self._mission.settings.on_low_charge == "home" else LIE_DOWN)
             note = f"low battery ({status.charge:.0%}): the mission goes on with '{self._steps[0].kind}'"
             self._request = self._request._replace(note=note)
@@ -88,20 +88,20 @@ class MissionSource:
             if self._plan is None:
                 self._begin(self._index + 1, status, pose)
             assert self._plan is not None
-            act = self._plan.activity.act(Now(status.walking_s - self._began_s, pose, status.policy))
-            self._take(act)
-            if trouble := act.trouble or self._stalled(act, status.walking_s):
-                return self._over(trouble)
-            if not act.done:
+            output = self._plan.activity.act(Input(status.walking_s - self._began_s, pose, status.policy))
+            self._apply(output)
+            if failure := output.failure or self._stalled(output, status.walking_s):
+                return self._end(failure)
+            if not output.done:
                 return self._request
             if self._index == len(self._steps) - 1:
-                return self._over(DONE)
+                return self._end(DONE)
             self._plan = None
 
     def _replace_steps(self, steps: tuple[NamedStep, ...]) -> None:
         """Replace the remaining steps."""
         self._steps, self._index, self._plan = steps, -1, None
-        self._later_s = [0.0] * len(steps)
+        self._after_step_s = [0.0] * len(steps)
 
     def _begin(self, index: int, status: Status, pose: Pose) -> None:
         step, limits = self._steps[index].step, self._abilities(status.policy).limits
@@ -109,10 +109,10 @@ class MissionSource:
         if isinstance(step, OdometryStep) or self._plan.end != pose:
             self.goal = self._plan.end
         self._began_s = self._progress_s = status.walking_s
-        self._best_s = math.inf
+        self._min_remaining_s = math.inf
 
-    def _take(self, act: Act) -> None:
-        before, new = self._request, act.request
+    def _apply(self, output: Output) -> None:
+        before, new = self._request, output.request
         self._request = new._replace(
             policy=new.policy or before.policy,
             gait=new.gait or ("" if new.policy else before.gait),
@@ -125,26 +125,26 @@ class MissionSource:
             self._index + 1,
             len(self._steps),
             self._steps[self._index].kind,
-            act.remaining_s,
-            act.remaining_s + self._later_s[self._index],
-            self.progress.error_m if math.isnan(act.error_m) else act.error_m,
+            output.remaining_s,
+            output.remaining_s + self._after_step_s[self._index],
+            self.progress.error_m if math.isnan(output.error_m) else output.error_m,
         )
 
-    def _stalled(self, act: Act, now_s: float) -> str:
+    def _stalled(self, output: Output, now_s: float) -> str:
         """Why a step that uses odometry has failed; empty if it has not."""
         step = self._steps[self._index].step
         if not isinstance(step, OdometryStep):
             return ""
-        if act.remaining_s < self._best_s - PROGRESS_S:
-            self._best_s, self._progress_s = act.remaining_s, now_s
+        if output.remaining_s < self._min_remaining_s - PROGRESS_S:
+            self._min_remaining_s, self._progress_s = output.remaining_s, now_s
         blocked_s = self._mission.settings.tracking.blocked_s
         if now_s - self._progress_s > blocked_s:
             return f"no progress for {blocked_s:g} s: it is blocked"
         assert self._plan is not None
-        limit_s = step.timeout_s or TIMEOUT_FACTOR * self._plan.lasts_s + TIMEOUT_EXTRA_S
+        limit_s = step.timeout_s or TIMEOUT_FACTOR * self._plan.duration_s + TIMEOUT_EXTRA_S
         return f"it takes longer than {limit_s:.0f} s" if now_s - self._began_s > limit_s else ""
 
-    def _over(self, outcome: str) -> Request:
+    def _end(self, outcome: str) -> Request:
         """End the mission: the robot lies down."""
         note = self._request.note
         if outcome != DONE:
@@ -162,5 +162,5 @@ class MissionSource:
         x, y, yaw = self._origin
         self._yaw += math.remainder(pose.yaw_rad - yaw - self._yaw, 2 * math.pi)
         cos, sin = math.cos(yaw), math.sin(yaw)
-        ahead, left = pose.x_m - x, pose.y_m - y
-        return Pose(cos * ahead + sin * left, cos * left - sin * ahead, self._yaw)
+        dx, dy = pose.x_m - x, pose.y_m - y
+        return Pose(cos * dx + sin * dy, cos * dy - sin * dx, self._yaw)

@@ -21,14 +21,14 @@ class Scene(NamedTuple):
     def pace(self, speed_m_s: float | None) -> Pace:
         """Speeds for following a path."""
         speed, limits = speed_m_s or self.speed_m_s, self.limits
-        creep = max(CREEP_SHARE * speed, limits.slowest)
+        creep = max(CREEP_SHARE * speed, limits.min_norm)
         return Pace(max(speed, creep), creep, limits.yaw_rad_s, self.tracking.deceleration_m_s2)
 
 
 class Plan(NamedTuple):
     """A planned step."""
 
-    lasts_s: float  # approximate duration
+    duration_s: float  # approximate duration
     end: Pose  # pose at the end
     activity: Activity
 

@@ -79,8 +79,10 @@ class Walk:
                 self.for_s, _after(begin, self.velocity, self.for_s), Hold(Request(velocity), self.for_s)
             )
         assert self.distance_m is not None
-        lasts_s = self.distance_m / math.hypot(*self.velocity[:2])
-        return Plan(lasts_s, _after(begin, self.velocity, lasts_s), Cover(velocity, self.distance_m, begin))
+        duration_s = self.distance_m / math.hypot(*self.velocity[:2])
+        return Plan(
+            duration_s, _after(begin, self.velocity, duration_s), Cover(velocity, self.distance_m, begin)
+        )
 
 
 @dataclass(frozen=True)
@@ -127,8 +129,8 @@ class Jump:
             raise ValueError(f"no policy '{self.name}' in this run: {', '.join(offer.policies)}")
 
     def plan(self, begin: Pose, scene: Scene) -> Plan:
-        ahead = _after(begin, (JUMP_M, 0.0, 0.0), self.times)
-        return Plan(self.times * JUMP_S, ahead, Leap(self.name, self.times))
+        end = _after(begin, (JUMP_M, 0.0, 0.0), self.times)
+        return Plan(self.times * JUMP_S, end, Leap(self.name, self.times))
 
 
 @takes_other_keys("settings")

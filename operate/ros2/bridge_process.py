@@ -24,9 +24,8 @@ from footfall.operate.udp_client import TOKEN
 RCLPY, CYCLONE = "footfall.operate.ros2.rclpy_bridge", "footfall.operate.ros2.cyclone_bridge"
 PROBE_S, START_S, END_S = 20.0, 30.0, 3.0  # maximum waits
 SYSTEM_PYTHON = "/usr/bin/python3"
-RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-OPEN_NETWORK = "{} is {}: other computers can {}: DDS has no password"
-STEER = "see and control this robot"
+DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+SEE_AND_CONTROL = "see and control this robot"
 
 
 @dataclass(frozen=True)
@@ -83,10 +82,16 @@ def _has_rclpy(python: str) -> bool:
         return False
 
 
-def network_note(what: str = STEER, environment: Mapping[str, str] = os.environ) -> str:
-    """Warning of what others can do if the environment opens ROS to the network; empty if it does not."""
-    requested = environment.get(RANGE, "LOCALHOST").upper()
-    return "" if requested in ("LOCALHOST", "OFF") else OPEN_NETWORK.format(RANGE, requested, what)
+def network_note(access: str = SEE_AND_CONTROL, environment: Mapping[str, str] = os.environ) -> str:
+    """Warning that other computers have this access, if the environment opens ROS to the network.
+
+    Returns:
+        One line; empty if ROS is not open to the network.
+    """
+    requested = environment.get(DISCOVERY_RANGE, "LOCALHOST").upper()
+    if requested in ("LOCALHOST", "OFF"):
+        return ""
+    return f"{DISCOVERY_RANGE} is {requested}: other computers can {access}: DDS has no password"
 
 
 @contextmanager
@@ -147,10 +152,10 @@ def _running(
         process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=errors, env=environment)
         resources.callback(end_by_input, process, END_S)
         assert process.stdout is not None
-        patience = threading.Timer(START_S, process.kill)
-        patience.start()
+        start_timer = threading.Timer(START_S, process.kill)
+        start_timer.start()
         answer = process.stdout.readline().strip()
-        patience.cancel()
+        start_timer.cancel()
         if answer != READY.encode():
             process.wait(END_S)
             errors.seek(0)
@@ -165,7 +170,7 @@ def _environment(folder: Path) -> dict[str, str]:
     (folder / "footfall").symlink_to(Path(footfall.__file__).parent, target_is_directory=True)
     paths = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"}
-    environment.setdefault(RANGE, "LOCALHOST")
-    if environment.get("ROS_DISTRO") == "humble" and environment[RANGE] == "LOCALHOST":
+    environment.setdefault(DISCOVERY_RANGE, "LOCALHOST")
+    if environment.get("ROS_DISTRO") == "humble" and environment[DISCOVERY_RANGE] == "LOCALHOST":
         environment.setdefault("ROS_LOCALHOST_ONLY", "1")  # for releases without the variable above
     return environment

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from footfall.common.config import load
-from footfall.operate.datagrams import answered
+from footfall.operate.datagrams import answered_datagrams
 from footfall.operate.height_scan_udp import UdpScans
 from footfall.operate.ros2.bridge_process import Ros2Config, find_backend, network_note, scan_bridge
 from footfall.operate.udp_client import MAX_DATAGRAM_BYTES
@@ -34,7 +34,7 @@ def scans_by_ros2(settings: str = "") -> Iterator[tuple[UdpScans, str]]:
     backend, token = find_backend(config), secrets.token_hex(16)
     scans = UdpScans(token)
     with (
-        answered(("127.0.0.1", 0), MAX_DATAGRAM_BYTES, scans.answer, OPTION) as port,
+        answered_datagrams(("127.0.0.1", 0), MAX_DATAGRAM_BYTES, scans.answer, OPTION) as port,
         scan_bridge(backend, port, token, config),
     ):
         yield scans, network_note(SEND)

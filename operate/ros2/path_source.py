@@ -106,11 +106,11 @@ class PathSource:
         """The newest request of the inbox; the walk writes to it."""
         walk = self._walk
         if walk is not None and not walk.state.outcome:
-            self._lead(walk, status)
+            self._step_walk(walk, status)
         return self._inbox.poll(status)
 
-    def _lead(self, walk: _Walk, status: Status) -> None:
-        """One step of the walk, if the robot can walk."""
+    def _step_walk(self, walk: _Walk, status: Status) -> None:
+        """Send the walk's velocity to the inbox, if the robot can walk."""
         if status.mode is not Mode.WALKING:
             return
         velocity, outcome = ZERO_COMMAND, "there is no odometry"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from footfall.operate.abilities import Abilities
 from footfall.operate.inbox import Inbox
-from footfall.operate.opened import Opened
+from footfall.operate.open_source import OpenSource
 from footfall.operate.ros2.bridge_process import Backend, Ros2Config, bridge, find_backend, network_note
 from footfall.operate.ros2.path_source import PathSource
 from footfall.operate.ros2.steering_socket import SteeringSocket
@@ -38,7 +38,7 @@ def published_to_ros2(feed: Path) -> Iterator[tuple[str, ...]]:
 @contextmanager
 def steered_by_ros2(
     inbox: Inbox, abilities: Callable[[str], Abilities], config: Ros2Config
-) -> Iterator[Opened]:
+) -> Iterator[OpenSource]:
     """Control by ROS 2 through the inbox, with telemetry, while the context is open.
 
     Raises:
@@ -51,7 +51,7 @@ def steered_by_ros2(
         steering = SteeringSocket(steer, inbox, source, OPERATOR)
         try:
             with bridge(backend, feed, steer, config):
-                yield Opened(source, lambda: inbox.owner, _about(backend), True, feed)
+                yield OpenSource(source, lambda: inbox.owner, _about(backend), True, feed)
         finally:
             steering.close()
 

@@ -29,7 +29,7 @@ from footfall.operate.ros2.path_source import PathSource, PathState
 
 STATUS_EVERY_S = 0.1
 MAX_LINE_BYTES = 2**20  # bytes
-OTHERS = ("stop", "take_over", "note", "path")
+OTHER_KEYS = ("stop", "take_over", "note", "path")
 
 
 class SteeringSocket:
@@ -74,28 +74,27 @@ class SteeringSocket:
 
     def _converse(self, bridge: socket.socket) -> None:
         """Serve one bridge until it disconnects."""
-        waiting, notes_sent, due_s = bytearray(), 0, 0.0
+        received, notes_sent, due_s = bytearray(), 0, 0.0
         while not self._ended.is_set():
             status = self._inbox.status
             if time.monotonic() >= due_s and status is not None:
-                now = described(status, self._inbox.owner, self._paths.state, notes_sent)
-                bridge.sendall(_line({"status": now}))
-                self._wait_for_the_first_request()
+                status_fields = described(status, self._inbox.owner, self._paths.state, notes_sent)
+                bridge.sendall(_line({"status": status_fields}))
+                self._stand_until_first_request()
                 notes_sent, due_s = len(status.notes), time.monotonic() + STATUS_EVERY_S
             try:
-                arrived = bridge.recv(4096)
+                content = bridge.recv(4096)
             except TimeoutError:
                 continue
-            if not arrived or len(waiting) > MAX_LINE_BYTES:
+            if not content or len(received) > MAX_LINE_BYTES:
                 return
-            *lines, rest = (waiting + arrived).split(b"\n")
-            waiting = bytearray(rest)
+            *lines, incomplete = (received + content).split(b"\n")
+            received = bytearray(incomplete)
             for line in lines:
                 bridge.sendall(self._answer(line))
 
-    def _wait_for_the_first_request(self) -> None:
-        """Send standstill for the bridge: after starting a run, the user still has to start a publisher of
-        commands."""
+    def _stand_until_first_request(self) -> None:
+        """Send a zero velocity for the bridge, so that the user has time to start a publisher of commands."""
         if not self._requested and self._inbox.owner in ("", self._operator):
             self._inbox.put(self._operator, velocity=ZERO_COMMAND)
 
@@ -107,9 +106,9 @@ class SteeringSocket:
         if not isinstance(request, dict):
             return _line({"refused": "a request is an object in JSON"})
         number = request.pop("id", None)
-        return _line({"id": number, "refused": self._refused(request)})
+        return _line({"id": number, "refused": self._carry_out(request)})
 
-    def _refused(self, request: dict[str, Any]) -> str:
+    def _carry_out(self, request: dict[str, Any]) -> str:
         """Carry out a request; returns why it is refused, empty if it is accepted."""
         self._requested = self._requested or "note" not in request
         if "stop" in request:
@@ -123,7 +122,7 @@ class SteeringSocket:
         if "path" in request:
             return self._path(**request)
         if unknown := sorted(set(request) - {*FIELDS, *FORMER_FIELDS}):
-            return f"there is no request '{unknown[0]}': {', '.join((*FIELDS, *OTHERS))}"
+            return f"there is no request '{unknown[0]}': {', '.join((*FIELDS, *OTHER_KEYS))}"
         return self._paths.put(**request_fields(request))
 
     def _path(self, path: Any, yaw_rad: Any = None, goal: Any = 0) -> str:
@@ -134,7 +133,7 @@ class SteeringSocket:
 
 
 def described(status: Status, owner: str, path: PathState | None, notes_from: int = 0) -> dict[str, Any]:
-    """A run's status as plain values for JSON; of its notes those starting at an index."""
+    """A run's status as plain values for JSON, with its notes from index `notes_from` on."""
     offer = status.offer
     return {
         "mode": status.mode,

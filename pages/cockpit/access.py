@@ -32,9 +32,12 @@ class Access:
             return reason
         if socket and origin is None:
             return "a connection must come from this server's page"
-        given = [*parse_qs(urlsplit(path).query).get("token", []), self._kept(headers.get("Cookie", ""))]
+        tokens = [
+            *parse_qs(urlsplit(path).query).get("token", []),
+            self._cookie_token(headers.get("Cookie", "")),
+        ]
         # As bytes: text with characters beyond ASCII would raise TypeError.
-        if any(secrets.compare_digest(each.encode(), self.token.encode()) for each in given):
+        if any(secrets.compare_digest(each.encode(), self.token.encode()) for each in tokens):
             return None
         return NO_TOKEN
 
@@ -43,7 +46,7 @@ class Access:
         """The header with which the browser keeps the token for this server's pages."""
         return f"{self._cookie}={self.token}; Path=/; HttpOnly; SameSite=Strict"
 
-    def _kept(self, cookies: str) -> str:
+    def _cookie_token(self, cookies: str) -> str:
         try:
             found = SimpleCookie(cookies).get(self._cookie)
         except CookieError:

@@ -34,7 +34,7 @@ def cockpit(
     port: int,
     robot: Robot,
     feed: Path,
-    more: Callable[[], Mapping[str, Any]] = dict,
+    extra_state: Callable[[], Mapping[str, Any]] = dict,
 ) -> Iterator[tuple[CockpitLink, str]]:
     """Serve the page while the context lasts; yields the link to it and the address to open.
 
@@ -43,7 +43,7 @@ def cockpit(
         host, port: where to listen.
         robot: the robot.
         feed: socket of the run's feed.
-        more: further facts about the run, for JSON.
+        extra_state: further facts about the run, for JSON.
 
     Raises:
         UserError: websockets is not installed, or the address is not available.
@@ -60,11 +60,11 @@ def cockpit(
     process.start()
     child_end.close()
     try:
-        if not own_end.poll(START_TIMEOUT_S) or "serving" not in _first(own_end):
+        if not own_end.poll(START_TIMEOUT_S) or "serving" not in _first_message(own_end):
             raise UserError(f"the cockpit at {host}:{port} did not start")
-        link = CockpitLink(inbox, own_end, more)
+        link = CockpitLink(inbox, own_end, extra_state)
         try:
-            yield link, f"http://{_in_address(host)}:{port}/?token={access.token}"
+            yield link, f"http://{_url_host(host)}:{port}/?token={access.token}"
         finally:
             link.close()
     finally:
@@ -74,14 +74,14 @@ def cockpit(
         own_end.close()
 
 
-def _first(connection: Connection) -> dict[str, Any]:
+def _first_message(connection: Connection) -> dict[str, Any]:
     try:
         return dict(json.loads(connection.recv_bytes()))
     except EOFError:
         return {}
 
 
-def _in_address(host: str) -> str:
+def _url_host(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
@@ -89,5 +89,5 @@ def _serve(link: Connection, host: str, port: int, token: str, feed: Path, joint
     """In the other process: serve until the loop's process ends the link or is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the loop, which then ends the link
     os.nice(NICENESS)
-    more = partial(joint_figures, RunFeed(feed), joints)
-    asyncio.run(Cockpit(Access(host, port, token), link, more).serve(host, port))
+    extra_state = partial(joint_figures, RunFeed(feed), joints)
+    asyncio.run(Cockpit(Access(host, port, token), link, extra_state).serve(host, port))

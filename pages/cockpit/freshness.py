@@ -19,14 +19,14 @@ class Freshness:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         """`clock` returns local time, s."""
         self._clock = clock
-        self._given: deque[tuple[int, float]] = deque(maxlen=64)  # challenges and their times
+        self._challenges: deque[tuple[int, float]] = deque(maxlen=64)  # challenges and their times
         self._last = -1
         self.round_trip_s = 0.0  # of the latest answered challenge
 
     def challenge(self) -> int:
         """A new challenge."""
         number = random.getrandbits(48)  # not secret: only this connection sees it
-        self._given.append((number, self._clock()))
+        self._challenges.append((number, self._clock()))
         return number
 
     def refusal(self, number: Any, answer: Any) -> str:
@@ -40,10 +40,10 @@ class Freshness:
             return "a command has a number and an answer"
         if number <= self._last:
             return "an old command is refused"
-        given_s = next((at_s for challenge, at_s in self._given if challenge == answer), None)
-        if given_s is None:
+        sent_s = next((at_s for challenge, at_s in self._challenges if challenge == answer), None)
+        if sent_s is None:
             return "a command with a wrong answer is refused"
-        age_s = self._clock() - given_s
+        age_s = self._clock() - sent_s
         if age_s > MAX_ANSWER_S:
             return f"a command that is {age_s:.1f} s old is refused"
         self._last, self.round_trip_s = number, age_s

@@ -34,21 +34,23 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
-POLICY = (
+CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'nonce-{0}'; style-src 'nonce-{0}'; connect-src 'self'; img-src data:;"
     " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 
 
 class Cockpit:
-    """Serves the page. Commands go to the process of the loop, which sends its state."""
+    """Serves the page: forwards commands to the process of the loop, and that process's state to visitors."""
 
-    def __init__(self, access: Access, link: Connection, more: Callable[[], dict[str, Any]] = dict) -> None:
-        """`link` is connected to a `CockpitLink`; `more` returns further facts about the run, for JSON."""
-        self._access, self._link, self._more = access, link, more
+    def __init__(
+        self, access: Access, link: Connection, extra_state: Callable[[], dict[str, Any]] = dict
+    ) -> None:
+        """`link` is connected to a `CockpitLink`; `extra_state` returns further facts about the run."""
+        self._access, self._link, self._extra_state = access, link, extra_state
         self._state: dict[str, Any] = {}  # of the run, as last received
         self._visitors: dict[str, ServerConnection] = {}
-        self._count = 0
+        self._num_connections = 0
         self._ended = asyncio.Event()
 
     async def serve(self, host: str, port: int) -> None:
@@ -84,52 +86,52 @@ class Cockpit:
         del response.headers["Content-Type"]
         for name, value in HEADERS.items():
             response.headers[name] = value
-        response.headers["Content-Security-Policy"] = POLICY.format(nonce)
+        response.headers["Content-Security-Policy"] = CONTENT_SECURITY_POLICY.format(nonce)
         response.headers["Set-Cookie"] = self._access.set_cookie
         return response
 
     async def _serve_visitor(self, connection: "ServerConnection") -> None:
         """Exchange messages with one visitor until the connection ends."""
-        self._count += 1
-        name, fresh = f"page {self._count}", Freshness()
+        self._num_connections += 1
+        name, freshness = f"page {self._num_connections}", Freshness()
         self._visitors[name] = connection
-        sender = asyncio.create_task(self._send_states(name, connection, fresh))
+        sender = asyncio.create_task(self._send_states(name, connection, freshness))
         try:
             with suppress(Exception):  # any end of the connection
-                await self._listen(name, connection, fresh)
+                await self._listen(name, connection, freshness)
         finally:
             sender.cancel()
             del self._visitors[name]
             # The state here may be older than the control: the inbox decides whether the visitor has it.
             self._pass_on(name, {"do": "put", "velocity": [0.0, 0.0, 0.0]})
 
-    async def _send_states(self, name: str, connection: "ServerConnection", fresh: Freshness) -> None:
+    async def _send_states(self, name: str, connection: "ServerConnection", freshness: Freshness) -> None:
         with suppress(Exception):
             while True:
-                await connection.send(self._message(name, fresh))
+                await connection.send(self._message(name, freshness))
                 await asyncio.sleep(STATE_INTERVAL_S)
 
-    def _message(self, name: str | None, fresh: Freshness | None = None) -> str:
+    def _message(self, name: str | None, freshness: Freshness | None = None) -> str:
         """The state of the run for a visitor, with a challenge."""
         message: dict[str, Any] = {"you": name, "run": self._state}
-        if fresh is not None:
-            message |= {"challenge": fresh.challenge(), "round_trip_s": round(fresh.round_trip_s, 3)}
+        if freshness is not None:
+            message |= {"challenge": freshness.challenge(), "round_trip_s": round(freshness.round_trip_s, 3)}
         return json.dumps(message)
 
-    async def _listen(self, name: str, connection: "ServerConnection", fresh: Freshness) -> None:
+    async def _listen(self, name: str, connection: "ServerConnection", freshness: Freshness) -> None:
         """Pass on a visitor's messages, until the visitor leaves or sends too many."""
         loop = asyncio.get_running_loop()
-        second, count = 0, 0
+        current_s, count = 0, 0
         async for content in connection:
-            now = int(loop.time())
-            second, count = now, count + 1 if now == second else 1
+            now_s = int(loop.time())
+            current_s, count = now_s, count + 1 if now_s == current_s else 1
             if count > MAX_MESSAGES_PER_S:
                 return
-            refused = self._command(name, content, fresh)
-            if refused:
-                await connection.send(json.dumps({"refused": refused}))
+            refusal = self._handle(name, content, freshness)
+            if refusal:
+                await connection.send(json.dumps({"refused": refusal}))
 
-    def _command(self, name: str, content: str | bytes, fresh: Freshness) -> str:
+    def _handle(self, name: str, content: str | bytes, freshness: Freshness) -> str:
         """Pass a message on; returns why it is refused. A stop is never too old."""
         try:
             message = json.loads(content)
@@ -143,8 +145,8 @@ class Cockpit:
             return ""
         if not isinstance(do, str) or do not in COMMANDS:
             return "there is no such command"
-        if refused := fresh.refusal(message.get("number"), message.get("answer")):
-            return refused
+        if refusal := freshness.refusal(message.get("number"), message.get("answer")):
+            return refusal
         self._pass_on(name, {"do": do} | {key: message[key] for key in COMMANDS[do] if key in message})
         return ""
 
@@ -162,7 +164,7 @@ class Cockpit:
             self._ended.set()
             return
         if "run" in message:
-            self._state = message["run"] | self._more()
+            self._state = message["run"] | self._extra_state()
             if self._state.get("ended"):
                 self._ended.set()
         elif (visitor := self._visitors.get(message["to"])) is not None:

@@ -23,11 +23,12 @@ def main() -> int:
 
 
 def _start_device(arguments: list[str]) -> None:
-    """Start the device of a training while the command line loads, which takes as long.
-    Not for a resumed run, which is looked up first, nor for a process of a cluster, which joins it first.
+    """Start the device of a training while the command line loads, to save time.
+
+    A resumed run starts it later, after its folder is found, and a process of a cluster after it has joined.
     """
-    later = ("-h", "--help", "--resume", "--coordinator", "--process")
-    if arguments[:1] == ["train"] and not any(argument.startswith(later) for argument in arguments):
+    later_options = ("-h", "--help", "--resume", "--coordinator", "--process")
+    if arguments[:1] == ["train"] and not any(argument.startswith(later_options) for argument in arguments):
         from footfall.train.entry import start_device
 
         start_device()

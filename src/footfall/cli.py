@@ -22,8 +22,8 @@ VERBS = (
     "train", "sweep", "watch", "evaluate", "export", "deploy", "compare", "replay", "log", "identify",
     "robot", "can", "bring_up", "demo", "diagnose", "doctor", "list",
 )  # fmt: skip
-FUNCTIONS = {"list": "list_names"}  # of the verbs' modules, where the name is another
-CLOSE = 0.75  # similarity of two option names above which one is suggested
+FUNCTION_NAMES = {"list": "list_names"}  # a verb's function, if its name differs from the verb's
+MIN_SIMILARITY = 0.75  # similarity of two option names above which one is suggested
 
 app = App(
     name="footfall",
@@ -32,7 +32,7 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 for verb in VERBS:  # a verb's module is imported when the verb is used
-    app.command(f"footfall.verbs.{verb}:{FUNCTIONS.get(verb, verb)}", name=app.name_transform(verb))
+    app.command(f"footfall.verbs.{verb}:{FUNCTION_NAMES.get(verb, verb)}", name=app.name_transform(verb))
 _import_verbs = app.resolved_commands
 
 
@@ -43,10 +43,10 @@ def main(tokens: Sequence[str] | None = None) -> int:
     its traceback.
     """
     arguments = list(sys.argv[1:] if tokens is None else tokens)
-    _open_what_is_closed()
-    _print_any_name()
+    _replace_closed_streams()
+    _escape_unencodable()
     if "" in arguments:
-        return _complain(f"an empty argument: give a value, or leave it out {_where_to_look(arguments)}")
+        return _print_error(f"an empty argument: give a value, or leave it out {_help_hint(arguments)}")
     try:
         if not arguments or arguments[0].startswith("-"):
             _import_verbs()  # the help describes all of them
@@ -55,19 +55,19 @@ def main(tokens: Sequence[str] | None = None) -> int:
             if not any_blocked():
                 sys.stdout.flush()
     except CycloptsError as error:
-        return _complain(f"{_parse_error(error, arguments)} {_where_to_look(arguments)}")
+        return _print_error(f"{_parse_error(error, arguments)} {_help_hint(arguments)}")
     except UserError as error:
-        return _complain(_one_line(error))
+        return _print_error(_one_line(error))
     except (BrokenPipeError, SystemExit):  # the reader of the output has closed it; rich raises SystemExit
         discard_output()
         return BROKEN_PIPE
     except OSError as error:  # a full disk, a file that was removed
         discard_output()
-        return _complain(_one_line(error))
+        return _print_error(_one_line(error))
     except _TerminatedError:
-        return _complain("terminated", TERMINATED)
+        return _print_error("terminated", TERMINATED)
     except KeyboardInterrupt:
-        return _complain("interrupted", INTERRUPTED)
+        return _print_error("interrupted", INTERRUPTED)
     return status if isinstance(status, int) else 0
 
 
@@ -80,34 +80,35 @@ def _interrupted_by_sigterm() -> Iterator[None]:
     """Let SIGTERM unwind open contexts, such as process pools, as Ctrl-C does."""
 
     def terminate(*_: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # `timeout` sends two; the second would break the end
+        # `timeout` sends two signals; the second one would interrupt the clean-up.
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         raise _TerminatedError
 
     if threading.current_thread() is not threading.main_thread():  # signals reach only the main thread
         yield
         return
-    before = signal.signal(signal.SIGTERM, terminate)
+    previous = signal.signal(signal.SIGTERM, terminate)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        signal.signal(signal.SIGTERM, previous)
 
 
-def _open_what_is_closed() -> None:
+def _replace_closed_streams() -> None:
     """Replace a standard stream that was closed before the start (`>&-`), which is None in Python."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
 
 
-def _print_any_name() -> None:
+def _escape_unencodable() -> None:
     """Print characters that the terminal's encoding lacks as escape codes."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 
 
-def _complain(reason: str, status: int = BAD_INPUT) -> int:
+def _print_error(reason: str, status: int = BAD_INPUT) -> int:
     print(f"footfall: {reason}", file=sys.stderr)
     return status
 
@@ -124,15 +125,17 @@ def _unknown_option(error: UnknownOptionError) -> str:
     """Message about an unknown option, with a suggestion if a similar one exists."""
     name = (error.token.keyword or error.token.value).partition("=")[0]
     known = {each for argument in error.argument_collection for each in argument.names}
-    meant = get_close_matches(name.lstrip("-"), [each.lstrip("-") for each in known], n=1, cutoff=CLOSE)
-    hint = "".join(f". Did you mean --{each}?" for each in meant)
-    if not meant and {"--preset", "--set"} <= known:
+    similar = get_close_matches(
+        name.lstrip("-"), [each.lstrip("-") for each in known], n=1, cutoff=MIN_SIMILARITY
+    )
+    hint = "".join(f". Did you mean --{each}?" for each in similar)
+    if not similar and {"--preset", "--set"} <= known:
         hint = "; change a setting by --set KEY=VALUE"
     return f"Unknown option: {name}{hint}"
 
 
 def _unexpected(argument: str, arguments: list[str]) -> str:
-    """Message about a superfluous argument. After an option's value it may be intended as a second value."""
+    """Message about a superfluous argument. After an option's value it may be meant as another value."""
     *_, option, _ = ["", "", *takewhile(lambda earlier: earlier != argument, arguments)]
     hint = f"; to give {option} several values, join them with commas" if option.startswith("--") else ""
     return f"unexpected argument '{argument}'{hint}"
@@ -142,7 +145,7 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-def _where_to_look(arguments: list[str]) -> str:
+def _help_hint(arguments: list[str]) -> str:
     if arguments and arguments[0] in set(map(app.name_transform, VERBS)):
         return f"(see footfall {arguments[0]} --help)"
     return "(see footfall --help)"

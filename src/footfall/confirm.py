@@ -16,11 +16,11 @@ def confirm(question: str, yes: bool) -> None:
         return
     if not sys.stdin.isatty():
         raise UserError("no terminal for the confirmation: add --yes")
-    if answer(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
+    if ask(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
         raise UserError("not confirmed")
 
 
-def answer(question: str) -> str:
+def ask(question: str) -> str:
     """What the user types; raises UserError at the end of the input (Ctrl-D)."""
     try:
         return input(question)

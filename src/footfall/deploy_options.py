@@ -36,16 +36,14 @@ class DeployOptions:
     """Another policy to which the run can switch while walking; may be given several times."""
     bus: str = "sim"
     """sim for the simulated robot, socketcan for the CAN interfaces named in robot.yaml, or the name of
-    another
-    python-can interface; virtual includes a simulated robot."""
+    another python-can interface; virtual includes a simulated robot."""
     command: Annotated[
         OptionalVelocity,
         Parameter(help="Forward and leftward velocity, m/s, and yaw rate, rad/s (default: 0.5,0,0)."),
     ] = None
-    by: Annotated[str | None, AS_TYPED, Parameter(name="--from")] = None
+    source: Annotated[str | None, AS_TYPED, Parameter(name="--from")] = None
     """Source of commands instead of a fixed command: keyboard, gamepad, udp, ros2, cockpit, or the YAML file
-    of
-    a mission (see docs/steering.md)."""
+    of a mission (see docs/steering.md)."""
     duration: OptionalSeconds = None
     """Longest walking time, s (default: 10; with --from: until the run is ended)."""
     start: Literal["standing", "lying"] = "standing"

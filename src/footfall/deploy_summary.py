@@ -22,15 +22,15 @@ def show(figures: dict[str, Any]) -> None:
         ("policy step", f"{timing['policy_ms_p50']:.2f} ms p50, {timing['policy_ms_p99']:.2f} ms p99"),
     ]
     if timing["lateness_us_max"]:
-        late = "{lateness_us_p50:.0f} us p50, {lateness_us_p99:.0f} us p99"
-        long = "{overruns:.0f} of {ticks:.0f} ticks, {ticks_skipped:.0f} were skipped"
-        rows += [("lateness", late.format(**timing)), ("overran", long.format(**timing))]
+        lateness = "{lateness_us_p50:.0f} us p50, {lateness_us_p99:.0f} us p99"
+        overruns = "{overruns:.0f} of {ticks:.0f} ticks, {ticks_skipped:.0f} were skipped"
+        rows += [("lateness", lateness.format(**timing)), ("overran", overruns.format(**timing))]
     loads = [f"{bus['name']} {bus['load']:.0%}" for bus in figures["buses"] if bus["load"] is not None]
     if loads:
         rows.append(("bus load", ", ".join(loads)))
     if mission := figures.get("mission"):
-        off = "" if math.isnan(mission["error_m"]) else f", off by {mission['error_m']:.2f} m"
-        rows.append(("mission", f"{mission['outcome'] or 'not done'}{off}"))
+        position_error = "" if math.isnan(mission["error_m"]) else f", off by {mission['error_m']:.2f} m"
+        rows.append(("mission", f"{mission['outcome'] or 'not done'}{position_error}"))
     rows += [("fault", fault) for fault in figures["faults"]]
     rows += [("fell", figures["fall_reason"])] if figures["fell"] else []
     rows += [("note", note) for note in figures["notes"]]

@@ -61,7 +61,7 @@ class EvaluationOptions:
     json: JsonFile = None
 
 
-NOMINAL = EvaluationOptions()  # default options
+DEFAULT_OPTIONS = EvaluationOptions()
 NOT_MET = 1  # an episode failed, or a requirement is not met
 
 
@@ -69,9 +69,9 @@ def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
     """The options as a configuration for `footfall.evaluate.api`."""
     from footfall.operate.missions.run import mission_run
 
-    own = {**parse_scenarios(options.scenarios)._asdict(), "mission_run": mission_run}
-    names = [each.name for each in fields(EvaluationConfig) if each.name not in own]
-    return EvaluationConfig(**{name: getattr(options, name) for name in names}, **own)
+    parsed = {**parse_scenarios(options.scenarios)._asdict(), "mission_run": mission_run}
+    names = [each.name for each in fields(EvaluationConfig) if each.name not in parsed]
+    return EvaluationConfig(**{name: getattr(options, name) for name in names}, **parsed)
 
 
 def requirements_of(options: EvaluationOptions) -> "list[Requirement]":

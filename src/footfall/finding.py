@@ -6,7 +6,7 @@ from typing import NamedTuple
 class Finding(NamedTuple):
     """Result of one check."""
 
-    what: str
+    name: str
     good: bool
-    found: str
+    result: str
     advice: str = ""  # what to do; empty if nothing is needed

@@ -24,25 +24,30 @@ def verdicts(fit: LegFit) -> list[str]:
         for joint, share in zip(fit.leg.joint_names, fit.torque_error, strict=True)
         if share > TORQUE_SHARE
     ]
-    found = fit.explanation
-    if found is not None and found.best is not None:
-        left = found.with_effect[found.best]
+    explanation = fit.explanation
+    if explanation is not None and explanation.best is not None:
+        residual = explanation.with_effect[explanation.best]
         lines.append(
-            f"{found.best} explains it best: residual {found.without:.1f} -> {left:.1f} times the noise;"
-            f" fit again with --effects {found.best}"
+            f"{explanation.best} explains the misfit best: residual {explanation.without:.1f} ->"
+            f" {residual:.1f} times the noise; fit again with --effects {explanation.best}"
         )
-    elif found is not None:
-        lines.append("no known effect explains it: check for a moving base, loose parts, a weight, a cable")
+    elif explanation is not None:
+        lines.append(
+            "no known effect explains the misfit: check for a moving base, loose parts, a weight, a cable"
+        )
     return lines
 
 
 def undetermined(fit: LegFit) -> list[tuple[str, str]]:
     """Parameters that the motion does not determine, each with the parameters it is coupled to."""
     return [
-        (parameter.label, "coupled to " + ", ".join(name for name in tie.parts if name != parameter.label))
-        if len(tie.parts) > 1
+        (
+            parameter.label,
+            "coupled to " + ", ".join(name for name in direction.parts if name != parameter.label),
+        )
+        if len(direction.parts) > 1
         else (parameter.label, "no effect on the motion")
-        for parameter, tie in fit.frozen.items()
+        for parameter, direction in fit.frozen.items()
     ]
 
 
@@ -52,7 +57,7 @@ def figures(fits: Sequence[LegFit]) -> dict[str, Any]:
 
 
 def _leg_figures(fit: LegFit) -> dict[str, Any]:
-    found = fit.explanation
+    explanation = fit.explanation
     return {
         "leg": fit.leg.name,
         "joints": list(fit.leg.joint_names),
@@ -73,6 +78,8 @@ def _leg_figures(fit: LegFit) -> dict[str, Any]:
         "held_out_rad": fit.held_out_rad.tolist(),
         "nominal_rad": fit.nominal_rad.tolist(),
         "torque_error": [None if np.isnan(each) else float(each) for each in fit.torque_error],
-        "effects": None if found is None else {"without": found.without, **found.with_effect},
+        "effects": None
+        if explanation is None
+        else {"without": explanation.without, **explanation.with_effect},
         "delay_profile": None if fit.profile is None else fit.profile._asdict() | {"numbers": None},
     }

@@ -16,23 +16,23 @@ def page(robot: Robot, fits: Sequence[LegFit], logs: Sequence[Path], held_out: P
     """HTML page of a fit; requires the extra `report`."""
     from footfall.evaluate.report.fit_page import render
 
-    wrong = [fit.leg.name for fit in fits if (fit.misfit > MISFIT_RATIO).any()]
+    misfitting = [fit.leg.name for fit in fits if (fit.misfit > MISFIT_RATIO).any()]
     worst = max(float(fit.held_out_rad.max()) for fit in fits)
     gain = min(float((fit.nominal_rad / fit.held_out_rad).min()) for fit in fits)
     headline = (
-        f"The model does not fit {', '.join(wrong)}: figures and intervals are not valid."
-        if wrong
+        f"The model does not fit {', '.join(misfitting)}: figures and intervals are not valid."
+        if misfitting
         else f"Held out: within {1e3 * worst:.2f} mrad rms, at least {gain:.1f} times better than nominal."
     )
-    judges = "every fourth second of the recordings" if held_out is None else str(held_out)
-    about = [
+    validation = "every fourth second of the recordings" if held_out is None else str(held_out)
+    facts = [
         ("nominal robot", f"{robot.name}, digest {robot.digest}"),
         ("recordings", ", ".join(str(log) for log in logs)),
-        ("held out", judges),
+        ("held out", validation),
         ("intervals", "95 %, by bootstrap over windows with refits; valid only if the model is right"),
         ("misfit", f"a residual of more than {MISFIT_RATIO:g} times the noise of the readings"),
     ]
-    return render(f"{robot.name}: identified", headline, [_part(fit) for fit in fits], about)
+    return render(f"{robot.name}: identified", headline, [_part(fit) for fit in fits], facts)
 
 
 def _part(fit: LegFit) -> "LegPart":

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from footfall.train.actuator_net import NetConfig, Trained
 
 FILE = "actuator_net.npz"
-VALIDATION, TEST = 1, 3  # indices in each four windows of a fit: validation and test
+VALIDATION, TEST = 1, 3  # indices of the validation and the test window in every four windows of a fit
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ def learn(
         config: settings of the training.
     """
     propose(robot, fits, [each.source for each in recordings], folder, with_net=True)
-    made = {leg.name: leg for leg in fixed_legs(load_robot(folder))}
+    proposed = {leg.name: leg for leg in fixed_legs(load_robot(folder))}
     trained = [
-        (made[fit.leg.name], _trained(made[fit.leg.name], fit, recordings, bool(held_out), config))
+        (proposed[fit.leg.name], _trained(proposed[fit.leg.name], fit, recordings, bool(held_out), config))
         for fit in fits
     ]
     save_net(folder / FILE, _of_robot(robot, trained), robot.joint_names)
@@ -95,10 +95,12 @@ def _compared(
     def error(leg: FixedLeg, values: dict[Parameter, float]) -> np.ndarray:
         return held_out_error(leg, recordings, held_out, values, FitConfig())
 
-    return Comparison(fit.leg, error(fit.leg, {}), error(fit.leg, fitted), error(learned, _kept(fit)))
+    return Comparison(
+        fit.leg, error(fit.leg, {}), error(fit.leg, fitted), error(learned, _delay_and_bias(fit))
+    )
 
 
-def _kept(fit: LegFit) -> dict[Parameter, float]:
+def _delay_and_bias(fit: LegFit) -> dict[Parameter, float]:
     """Fitted values of delay and encoder bias, which are not part of a net."""
     kinds = "delay_s", "encoder_bias"
     return {each.parameter: each.value for each in fit.estimates if each.parameter.quantity in kinds}
@@ -109,33 +111,33 @@ def _trained(
 ) -> "Trained":
     from footfall.train.actuator_net import train_net
 
-    kept = _kept(fit)
+    fitted = _delay_and_bias(fit)
 
     def of_joints(quantity: str) -> np.ndarray:
         parameters = [Parameter(quantity, joint) for joint in leg.joint_names]
-        return np.array([kept.get(each, each.kind.nominal) for each in parameters])
+        return np.array([fitted.get(each, each.kind.nominal) for each in parameters])
 
     bias, delay_s = of_joints("encoder_bias"), of_joints("delay_s")
     fit_config = FitConfig()
     motions = [
         driven_motion(leg, each, bias, delay_s, config.window_s, fit_config.window_s) for each in recordings
     ]
-    seen = [block for block in range(fit_config.hold_out_every) if separate_test or block != TEST]
+    used = [block for block in range(fit_config.hold_out_every) if separate_test or block != TEST]
     if len(motions) > 1:
-        *motions, validation = (_of_blocks(each, seen) for each in motions)
+        *motions, validation = (_of_blocks(each, used) for each in motions)
         return train_net(joined_motion(motions), validation, leg.motor, config)
-    learning = [block for block in seen if block != VALIDATION]
+    learning = [block for block in used if block != VALIDATION]
     return train_net(
         _of_blocks(motions[0], learning), _of_blocks(motions[0], [VALIDATION]), leg.motor, config
     )
 
 
 def _of_blocks(motion: DrivenMotion, blocks: Sequence[int]) -> DrivenMotion:
-    """The motion, restricted to some blocks of every four."""
-    every = FitConfig().hold_out_every
-    if len(blocks) == every:
+    """The motion, restricted to these blocks of every four."""
+    period = FitConfig().hold_out_every
+    if len(blocks) == period:
         return motion
-    return motion.only((motion.block >= 0) & np.isin(motion.block % every, blocks))
+    return motion.only((motion.block >= 0) & np.isin(motion.block % period, blocks))
 
 
 def _of_robot(robot: Robot, trained: Sequence[tuple[FixedLeg, "Trained"]]) -> ActuatorNet:
@@ -151,9 +153,9 @@ def _of_robot(robot: Robot, trained: Sequence[tuple[FixedLeg, "Trained"]]) -> Ac
         scale=1.0 + empty(example.scale),
         limit=empty(example.limit),
     )
-    for leg, found in trained:
+    for leg, trained_leg in trained:
         for all_joints, one_leg in zip(
-            (*net.layers, *net[1:]), (*found.net.layers, *found.net[1:]), strict=True
+            (*net.layers, *net[1:]), (*trained_leg.net.layers, *trained_leg.net[1:]), strict=True
         ):
             if all_joints is not net.memory_s:
                 all_joints[leg.joints] = one_leg

@@ -17,8 +17,8 @@ from footfall.common.rotations import tilt
 from footfall.deploy.loop import ControlLoop
 from footfall.service_manager import notifying_service_manager
 
-PER_SECOND = 5  # updates per second on a terminal
-LINE_EVERY_S = 5.0  # interval otherwise
+UPDATES_PER_S = 5  # updates per second on a terminal
+LINE_INTERVAL_S = 5.0  # interval of lines on any other output
 OUTPUT_TIMEOUT_S = 1.0  # timeout of a blocked output
 
 
@@ -31,7 +31,8 @@ def live_state(
     line: Callable[[], str] = str,
 ) -> Iterator[None]:
     """Show a loop's state while the context is open: in place on a terminal, else line by line.
-    A service manager gets it, too.
+
+    A service manager gets the state, too.
 
     Args:
         loop: the loop; another thread reads its state.
@@ -52,11 +53,11 @@ def live_state(
             state(), console=console, auto_refresh=False, transient=True, redirect_stdout=False,
             redirect_stderr=False,
         ) as live:  # fmt: skip
-            while not ended.wait(1.0 / PER_SECOND):
+            while not ended.wait(1.0 / UPDATES_PER_S):
                 live.update(state(), refresh=True)
 
     def print_lines() -> None:
-        while not ended.wait(LINE_EVERY_S):
+        while not ended.wait(LINE_INTERVAL_S):
             console.print(state(), highlight=False)
 
     def show() -> None:
@@ -95,10 +96,10 @@ def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
         parts.append("velocity {:+.2f} {:+.2f} m/s".format(*velocity[:2]))
     if (battery := loop.battery).known:
         parts.append(f"battery {battery.charge:.0%}")
-    late = _count(loop.timing.ticks_skipped, "tick")
-    parts += [f"tilt {tilt(loop.sensed.quaternion):.2f} rad", f"{late} late"]
+    skipped = _count(loop.timing.ticks_skipped, "tick")
+    parts += [f"tilt {tilt(loop.sensed.quaternion):.2f} rad", f"{skipped} late"]
     return hold + ", ".join(parts)
 
 
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+def _count(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

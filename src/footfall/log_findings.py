@@ -18,32 +18,32 @@ def findings_of(file: Path, robot: str | None) -> "LogFindings":
     from footfall.robots.description import load_robot
 
     columns = read_columns(file)
-    described = None
+    logged = None
     if robot is not None:
-        described = load_robot(robot)
-        if list(described.joint_names) != columns.joints:
+        logged = load_robot(robot)
+        if list(logged.joint_names) != columns.joints:
             raise UserError(
                 f"{file} is from another robot than {robot}: its joints are {', '.join(columns.joints)}"
             )
     with suppress(UserError):
-        described = described or logged_robot(columns.log)
-    return LogFindings(columns, described)
+        logged = logged or logged_robot(columns.log)
+    return LogFindings(columns, logged)
 
 
-def headline(found: "LogFindings") -> str:
+def headline(findings: "LogFindings") -> str:
     """Policy, robot, date and duration."""
     from datetime import UTC, datetime
 
     from footfall.deploy.clock import LOCKSTEP_START_NS
 
-    columns = found.columns
-    about = columns.log.metadata
+    columns = findings.columns
+    metadata = columns.log.metadata
     simulated = columns.start_ns < LOCKSTEP_START_NS + 10**14  # a day of simulated time
-    when = (
+    date = (
         ""
         if simulated
         else f" on {datetime.fromtimestamp(columns.start_ns * 1e-9, UTC):%Y-%m-%d %H:%M:%S} UTC"
     )
-    walked = sum(end - start for start, end in found.walking)
-    policy, robot, bus = (str(about.get(key, "?")) for key in ("policy", "robot", "bus"))
-    return f"{policy} on {robot}, bus {bus}{when}: {columns.duration_s:.1f} s, walking {walked:.1f} s."
+    walked = sum(end - start for start, end in findings.walking)
+    policy, robot, bus = (str(metadata.get(key, "?")) for key in ("policy", "robot", "bus"))
+    return f"{policy} on {robot}, bus {bus}{date}: {columns.duration_s:.1f} s, walking {walked:.1f} s."

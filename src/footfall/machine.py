@@ -21,7 +21,7 @@ FOR_DEVELOPERS = ("dev",)
 
 
 def findings() -> Iterator[Finding]:
-    """Run all checks, in the order that suits a new user."""
+    """Run all checks, in the order in which a new user needs them."""
     for check in CHECKS:
         yield check()
 
@@ -47,13 +47,13 @@ def check_packages() -> Finding:
 def check_extras() -> Finding:
     """Installed extras."""
     missing_by_extra = {extra: missing(extra) for extra in extras() if extra not in FOR_DEVELOPERS}
-    there = [extra for extra, packages in missing_by_extra.items() if not packages]
-    absent = [extra for extra in missing_by_extra if extra not in there]
-    if not absent:
-        return Finding("extras", True, ", ".join(there))
-    found = [", ".join(there)] if there else []
-    found += [f"{extra} lacks {_names(missing_by_extra[extra])}" for extra in absent]
-    return Finding("extras", False, "; ".join(found), f"if you need them: {extras_command(*absent)}")
+    complete = [extra for extra, packages in missing_by_extra.items() if not packages]
+    incomplete = [extra for extra in missing_by_extra if extra not in complete]
+    if not incomplete:
+        return Finding("extras", True, ", ".join(complete))
+    found = [", ".join(complete)] if complete else []
+    found += [f"{extra} lacks {_names(missing_by_extra[extra])}" for extra in incomplete]
+    return Finding("extras", False, "; ".join(found), f"if you need them: {extras_command(*incomplete)}")
 
 
 def _names(packages: list[Requirement]) -> str:
@@ -117,7 +117,7 @@ def check_cache() -> Finding:
 def _probe(code: str, **environment: str) -> tuple[bool, str]:
     """Run Python code in a separate process; returns whether it succeeded, and its last line."""
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-P", "-c", code],
             env=os.environ | environment,
             capture_output=True,
@@ -127,8 +127,8 @@ def _probe(code: str, **environment: str) -> tuple[bool, str]:
         )
     except subprocess.TimeoutExpired:
         return False, f"no answer within {PROBE_LIMIT_S} s"
-    lines = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
-    return done.returncode == 0, lines[-1] if lines else ""
+    lines = (process.stdout if process.returncode == 0 else process.stderr).strip().splitlines()
+    return process.returncode == 0, lines[-1] if lines else ""
 
 
 CHECKS: tuple[Callable[[], Finding], ...] = (

@@ -1,4 +1,4 @@
-"""Standard output that cannot be written any more."""
+"""Handles a standard output that can no longer be written."""
 
 import io
 import os

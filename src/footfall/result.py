@@ -36,7 +36,7 @@ def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[]
         BrokenPipeError: the reader of the output has closed it, and nothing else failed.
     """
     with handling(lambda *_: None):  # a closing terminal sends SIGHUP twice
-        not_written, not_shown = _write(path, figures), _shown(show)
+        not_written, not_shown = _write(path, figures), _show_in_time(show)
         if not (not_written or not_shown):
             return status
         if not (status or not_written) and isinstance(not_shown, BrokenPipeError | SystemExit):
@@ -45,7 +45,7 @@ def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[]
         parts = [
             not_written,
             f"cannot show the result: {not_shown}" if not_shown else "",
-            _keep_elsewhere(figures) if lost else "",
+            _save_elsewhere(figures) if lost else "",
             f"the run ended: {', '.join([figures['final_state'], *figures['faults']])}",
         ]
         line = "; ".join(filter(None, parts))
@@ -62,20 +62,20 @@ def _write(path: Path | None, figures: dict[str, Any]) -> str:
     return ""
 
 
-def _shown(show: Callable[[], None]) -> BaseException | None:
+def _show_in_time(show: Callable[[], None]) -> BaseException | None:
     """Show the summary; returns the exception of a failure."""
 
     def act() -> None:
         show()
         sys.stdout.flush()
 
-    wrong = in_time(act)
-    if wrong is not None and not isinstance(wrong, TimeoutError):
+    error = in_time(act)
+    if error is not None and not isinstance(error, TimeoutError):
         discard_output()
-    return wrong
+    return error
 
 
-def _keep_elsewhere(figures: dict[str, Any]) -> str:
+def _save_elsewhere(figures: dict[str, Any]) -> str:
     """Write the figures to the folder for temporary files; returns a message, empty if that fails."""
     with suppress(UserError, OSError):
         path = Path(tempfile.gettempdir()) / f"footfall-{os.getpid()}.json"

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from footfall.robots.description import Robot
     from footfall.robots.inspection import Inspection
 
-MAX_SUNK = 0.15  # share of the standing height
+MAX_SINK_SHARE = 0.15  # share of the standing height
 MAX_TILT_RAD = 0.17
 MAX_TORQUE_SHARE = 0.8
 
@@ -25,7 +25,7 @@ def show_tree(robot: "Robot", inspection: "Inspection") -> None:
         driven = [name for name in link.joints if name in robot.joint_names]
         figures = [_joint_row(robot, robot.joint_index(name)) for name in driven] or [[""] * 5]
         rows.append(["  " * link.depth + link.name, f"{link.mass_kg:.3f}", *figures[0]])
-        rows += [["", "", *more] for more in figures[1:]]
+        rows += [["", "", *other_joint] for other_joint in figures[1:]]
     print_table(["link", "kg", "joint", "range, rad", "default", "peak, N m", "kp, N m/rad"], rows)
     x, y, z = inspection.centre_m
     centre = f"centre of mass {x:.3f} {y:.3f} {z:.3f} m from the base's origin"
@@ -63,25 +63,26 @@ def show_standing(robot: "Robot", standing: "StandingResult | None") -> None:
     if standing is None:
         print("no standing test: hold this robot up in a run until it steps in place (held_start)\n")
         return
-    hardest = int(standing.torque_share.argmax())
-    share = f"{100 * standing.torque_share[hardest]:.0f} % of its peak torque"
+    most_loaded = int(standing.torque_share.argmax())
+    share = f"{100 * standing.torque_share[most_loaded]:.0f} % of its peak torque"
     print(f"standing test, {standing.stood_s:.1f} s with the joint law over the simulated bus:")
     print(f"  sank {1e3 * standing.sank_m:.0f} mm of {1e3 * robot.description.standing_height_m:.0f}")
     print(f"  tilted {np.degrees(standing.tilt_rad):.1f} degrees, moved {1e3 * standing.moved_m:.0f} mm")
-    print(f"  highest load: {robot.joint_names[hardest]}, {share}\n")
+    print(f"  highest load: {robot.joint_names[most_loaded]}, {share}\n")
 
 
-def wrong_standing(robot: "Robot", standing: "StandingResult | None") -> Iterator[str]:
+def standing_findings(robot: "Robot", standing: "StandingResult | None") -> Iterator[str]:
     if standing is None:
         return
     if not standing.stood:
-        why = standing.fall_reason or "; ".join(standing.faults)
-        yield f"it does not stand: {why} after {standing.stood_s:.1f} s"
+        reason = standing.fall_reason or "; ".join(standing.faults)
+        yield f"the robot does not stand: {reason} after {standing.stood_s:.1f} s"
         return
-    if standing.sank_m > MAX_SUNK * robot.description.standing_height_m:
-        yield f"it sinks by {1e3 * standing.sank_m:.0f} mm: the gains are low, or the pose is hard to hold"
+    if standing.sank_m > MAX_SINK_SHARE * robot.description.standing_height_m:
+        sank_mm = 1e3 * standing.sank_m
+        yield f"the robot sinks by {sank_mm:.0f} mm: the gains are low, or the pose is hard to hold"
     if standing.tilt_rad > MAX_TILT_RAD:
-        yield f"it tilts by {np.degrees(standing.tilt_rad):.0f} degrees"
+        yield f"the robot tilts by {np.degrees(standing.tilt_rad):.0f} degrees"
     for name, share in zip(robot.joint_names, standing.torque_share, strict=True):
         if share > MAX_TORQUE_SHARE:
             yield f"joint {name} needs {100 * share:.0f} % of its peak torque to stand"
@@ -92,16 +93,16 @@ def wrong_standing(robot: "Robot", standing: "StandingResult | None") -> Iterato
 
 def show_lying(lying: "LyingResult | None") -> None:
     if lying is None:
-        print("no lying test: without lying_rad in robot.yaml it does not lie down at the end\n")
+        print("no lying test: without lying_rad in robot.yaml the robot does not lie down at the end\n")
         return
     print("lying test, from the ground to the default pose and back:")
     print(f"  base {1e3 * max(lying.clearance_m, 0.0):.0f} mm above the ground at the end")
     print(f"  tilted {np.degrees(lying.tilt_rad):.1f} degrees\n")
 
 
-def wrong_lying(lying: "LyingResult | None") -> Iterator[str]:
+def lying_findings(lying: "LyingResult | None") -> Iterator[str]:
     if lying is not None and lying.trouble:
-        yield f"it does not stand up from its lying pose and lie down again: {lying.trouble}"
+        yield f"the robot does not stand up from its lying pose and lie down again: {lying.trouble}"
 
 
 def show_controllers(results: "Sequence[ControllerResult]") -> None:
@@ -121,14 +122,14 @@ def show_controllers(results: "Sequence[ControllerResult]") -> None:
     print()
 
 
-def wrong_controllers(results: "Sequence[ControllerResult]") -> Iterator[str]:
+def controller_findings(results: "Sequence[ControllerResult]") -> Iterator[str]:
     """Controllers that did not stand or walk, one line each."""
     for result in results:
         if result.trouble:
             yield f"controller {result.name}: {result.trouble}"
 
 
-def beyond_frames(robot: "Robot") -> Iterator[str]:
+def gains_beyond_frames(robot: "Robot") -> Iterator[str]:
     """Gains above the range of the motor's CAN frames, which would be clamped."""
     from footfall.deploy.drivers.mit import RANGES
 

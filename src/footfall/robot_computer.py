@@ -100,11 +100,11 @@ def check_can(
         if socket_missing and sys.platform == "linux":
             advice += "; with an adapter: modprobe can_raw"
         return Finding("CAN interfaces", False, f"none{socket_missing}", advice)
-    known = (details or can_details)()
+    details_by_name = (details or can_details)()
     described, commands = [], list[str]()
     for link in links:
         is_down = _read(link / "operstate") == "down"
-        link_details = known.get(link.name, {})
+        link_details = details_by_name.get(link.name, {})
         described.append(link.name + "".join(f" ({what})" for what in _can_state(is_down, link_details)))
         commands += _can_commands(link.name, is_down, link_details, int(_read(link / "tx_queue_len") or 0))
     return Finding("CAN interfaces", not commands, ", ".join(described), "; ".join(commands))
@@ -142,8 +142,8 @@ def can_details() -> dict[str, Any]:
         return {}
     command = ["ip", "-details", "-json", "link", "show", "type", "can"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
-        links = json.loads(done.stdout or "[]")
+        process = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
+        links = json.loads(process.stdout or "[]")
     except (OSError, ValueError, subprocess.TimeoutExpired):
         return {}
     return {link["ifname"]: link.get("linkinfo", {}).get("info_data", {}) for link in links if link}
@@ -162,18 +162,18 @@ def has_can_sockets() -> bool:
 
 def check_multicast() -> Finding:
     """Whether a simulated robot in another process can be reached (udp_multicast)."""
-    what, membership = "multicast", socket.inet_aton(MULTICAST_GROUP) + socket.inet_aton("0.0.0.0")
+    name, membership = "multicast", socket.inet_aton(MULTICAST_GROUP) + socket.inet_aton("0.0.0.0")
     try:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as joined:
-            joined.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+            receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
     except OSError as error:
         advice = "--bus udp_multicast, a simulated robot in another process, needs a network with multicast"
-        return Finding(what, False, f"no: {error.strerror or error}", advice)
+        return Finding(name, False, f"no: {error.strerror or error}", advice)
     if importlib.util.find_spec("msgpack") is None:
         return Finding(
-            what, False, "no msgpack", f"--bus udp_multicast needs it: {install_command('msgpack')}"
+            name, False, "no msgpack", f"--bus udp_multicast needs it: {install_command('msgpack')}"
         )
-    return Finding(what, True, "works")
+    return Finding(name, True, "works")
 
 
 def check_realtime() -> Finding:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from footfall.robots.description import Robot
     from footfall.steered import Steered
 
-TIMED = 500  # number of latest ticks and policy steps in the cockpit's timing
+TIMED_STEPS = 500  # number of latest ticks and policy steps in the cockpit's timing
 WAITING = "the robot stands up once an operator has taken control there"
 
 
@@ -114,13 +114,13 @@ def _with_cockpit(
 
     steers, loops = steering.source is inbox, list["ControlLoop"]()
 
-    def more() -> dict[str, Any]:
-        found: dict[str, Any] = {"robot": robot.name, "steers": steers, "mission": steering.line() or None}
+    def extra_state() -> dict[str, Any]:
+        state: dict[str, Any] = {"robot": robot.name, "steers": steers, "mission": steering.line() or None}
         if loops:
-            found["timing"] = loops[0].timing.summary(TIMED)
-        return found
+            state["timing"] = loops[0].timing.summary(TIMED_STEPS)
+        return state
 
-    served = cockpit(inbox, options.page_host, options.cockpit_port, robot, feed, more)
+    served = cockpit(inbox, options.page_host, options.cockpit_port, robot, feed, extra_state)
     link, address = resources.enter_context(served)
     print(f"cockpit: {address}", flush=True)
     if not steers:

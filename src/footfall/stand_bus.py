@@ -15,8 +15,8 @@ SAFE = "IDLE"
 ON_STAND = "Is the robot bolted to a stand, with its feet in the air and nobody within its reach"
 
 
-def opened(robot: "Robot", kind: str, plant: Path | None, seed: int, resources: ExitStack) -> "Bus":
-    """The bus of this kind, which `resources` closes; `plant` is the MJCF of a simulated robot."""
+def open_bus(robot: "Robot", kind: str, plant: Path | None, seed: int, resources: ExitStack) -> "Bus":
+    """Open the bus of this kind, which `resources` closes; `plant` is the MJCF of a simulated robot."""
     if kind == SIMULATED:
         from footfall.identify.simulated import simulated_bus
 
@@ -24,10 +24,12 @@ def opened(robot: "Robot", kind: str, plant: Path | None, seed: int, resources: 
     from footfall.deploy.stop_inputs.open import filters_of
     from footfall.deploy.wiring import wiring_of
 
-    stand = None
+    plant_config = None
     if kind == VIRTUAL:
         from footfall.identify.simulated import on_a_stand
 
-        stand = on_a_stand()
+        plant_config = on_a_stand()
     wiring = wiring_of(robot)
-    return resources.enter_context(interface_bus(robot, wiring, kind, filters_of(robot, wiring), stand, seed))
+    return resources.enter_context(
+        interface_bus(robot, wiring, kind, filters_of(robot, wiring), plant_config, seed)
+    )

@@ -34,10 +34,10 @@ class Steered(NamedTuple):
     odometry: bool = False  # the source needs the pose
     attach: "Callable[[ControlLoop], None]" = lambda _: None  # gives pages the loop whose timing they show
     feed: Path | None = None  # socket at which the source expects the run's telemetry
-    failed: Callable[[], bool] = bool  # whether the source missed its goal
+    failed: Callable[[], bool] = bool  # whether the source, such as a mission, missed its goal
 
 
-def mission_policies(by: str | None, loaded: Sequence[Policy], robot: Robot) -> dict[str, Policy]:
+def mission_policies(source_name: str | None, loaded: Sequence[Policy], robot: Robot) -> dict[str, Policy]:
     """Policies in a mission that are not loaded yet, by spec.
 
     Raises:
@@ -45,17 +45,17 @@ def mission_policies(by: str | None, loaded: Sequence[Policy], robot: Robot) -> 
     """
     from footfall.operate.sources import is_mission
 
-    if by is None or not is_mission(by):
+    if source_name is None or not is_mission(source_name):
         return {}
     from footfall.operate.missions.mission import load_mission
     from footfall.operate.missions.run import policies_of
 
-    return policies_of(load_mission(Path(by)), [policy.name for policy in loaded], robot)
+    return policies_of(load_mission(Path(source_name)), [policy.name for policy in loaded], robot)
 
 
 @contextmanager
 def steered(
-    by: str | None,
+    source_name: str | None,
     command: tuple[float, float, float] | None,
     duration_s: float | None,
     policies: Mapping[str, Policy],
@@ -65,7 +65,7 @@ def steered(
     """Open the command source of a run.
 
     Args:
-        by: name of a source, or the file of a mission; None for a fixed command.
+        source_name: name of a source, or the file of a mission; None for a fixed command.
         command: fixed command (3,).
         duration_s: longest walking time; default ten seconds, or one day if the source ends the run.
         policies: policies of the run by spec, starting with the first to run.
@@ -76,11 +76,11 @@ def steered(
         UserError: there is no such source, it cannot be opened, or a step of the mission is impossible.
     """
     longest_s = duration_s or MAX_DURATION_S
-    if by is None and command is None and inbox is not None:
+    if source_name is None and command is None and inbox is not None:
         figures = {"from": COCKPIT}
         yield Steered(inbox, longest_s, lambda: figures, realtime=True, odometry=True)
         return
-    if by is None:
+    if source_name is None:
         fixed = command or DEFAULT_COMMAND
         velocity = np.array(fixed)
         yield Steered(
@@ -93,21 +93,21 @@ def steered(
     from footfall.operate.inbox import Inbox
     from footfall.operate.sources import check_source, is_mission, open_source
 
-    check_source(by)
+    check_source(source_name)
     abilities = abilities_of(policies, robot)
-    if is_mission(by):
+    if is_mission(source_name):
         from footfall.operate.missions.mission import load_mission
         from footfall.operate.missions.source import MissionSource
 
         first = next(iter(policies.values()))
-        source = MissionSource(load_mission(Path(by)), first.name, abilities)
-        yield _mission(by, source, longest_s)
+        source = MissionSource(load_mission(Path(source_name)), first.name, abilities)
+        yield _mission(source_name, source, longest_s)
         return
-    with open_source(by, inbox or Inbox(), abilities) as opened:
+    with open_source(source_name, inbox or Inbox(), abilities) as opened:
         yield Steered(
             opened.source,
             longest_s,
-            lambda: {"from": by},
+            lambda: {"from": source_name},
             opened.line,
             opened.about,
             realtime=True,
@@ -116,12 +116,12 @@ def steered(
         )
 
 
-def _mission(by: str, source: "MissionSource", longest_s: float) -> Steered:
+def _mission(source_name: str, source: "MissionSource", longest_s: float) -> Steered:
     def line() -> str:
         progress = source.progress
         return f"step {progress.step} of {progress.steps} {progress.kind}, {progress.remaining_s:.0f} s left"
 
     def figures() -> dict[str, Any]:
-        return {"from": by, "mission": source.progress._asdict()}
+        return {"from": source_name, "mission": source.progress._asdict()}
 
     return Steered(source, longest_s, figures, line, odometry=True, failed=lambda: not source.progress.done)

@@ -30,7 +30,7 @@ def stood(**changes: Any) -> StandingResult:
 
 class TestVerdict:
     def wrong(self, robot: Robot, **changes: Any) -> list[str]:
-        return list(robot_check.wrong_standing(robot, stood(**changes)))
+        return list(robot_check.standing_findings(robot, stood(**changes)))
 
     def test_a_standing_robot_has_no_findings(self, go1: Robot) -> None:
         assert go1.description.standing_height_m == GO1_HEIGHT_M
@@ -60,11 +60,11 @@ class TestVerdict:
     def test_gains_beyond_the_frames_range_are_reported_by_joint(
         self, go1: Robot, gain: str, limit: float
     ) -> None:
-        assert list(robot_check.beyond_frames(go1)) == []
+        assert list(robot_check.gains_beyond_frames(go1)) == []
         gains = {"kp": go1.kp.copy(), "kd": go1.kd.copy()}
         gains[gain][[5, 7]] = limit + 0.5, limit
         robot: Any = SimpleNamespace(description=go1.description, **gains)
-        (found,) = robot_check.beyond_frames(robot)
+        (found,) = robot_check.gains_beyond_frames(robot)
         assert "FL_calf_joint" in found
         assert f"{gain} is {limit + 0.5:.3g}" in found
 

@@ -55,7 +55,7 @@ def test_every_part_of_a_state_is_shown(loop: Any) -> None:
 
 
 def test_without_a_terminal_plain_lines_appear(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "LINE_EVERY_S", 0.1)
+    monkeypatch.setattr(module, "LINE_INTERVAL_S", 0.1)
     out = io.StringIO()
     walk(go1, Console(file=out, width=200))
     lines = out.getvalue().splitlines()

@@ -18,7 +18,7 @@ def test_mujoco_and_mjx_must_be_of_one_release(monkeypatch: pytest.MonkeyPatch) 
     versions["mujoco-mjx"] = "3.16.0"
     found = machine.check_simulators()
     assert not found.good
-    assert found.found == "mujoco 3.17.0, mujoco-mjx 3.16.0"
+    assert found.result == "mujoco 3.17.0, mujoco-mjx 3.16.0"
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def done(monkeypatch: pytest.MonkeyPatch) -> Any:
 class TestDoctor:
     def test_doctor_checks_everything_and_never_fails(self, done: Any) -> None:
         done.code, done.err = 1, "nothing works here"
-        result = " ".join(finding.what for finding in machine.findings())
+        result = " ".join(finding.name for finding in machine.findings())
         for what in (
             "processors", "packages", "simulators", "accelerator", "offscreen rendering",
             "compilation cache", "CAN interfaces", "real-time", "memory locking",
@@ -54,7 +54,7 @@ class TestDoctor:
     def test_an_accelerator_is_any_device_but_a_processor(self, done: Any, kinds: list, gpu: bool) -> None:
         done.out = "a greeting\n" + json.dumps(kinds)
         found = machine.check_accelerator()
-        assert (found.good, found.found) == (gpu, ", ".join(kinds))
+        assert (found.good, found.result) == (gpu, ", ".join(kinds))
         assert ("jax[cuda12]" in found.advice) is not gpu
 
     def test_a_jax_that_fails_or_is_missing(self, done: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,7 +64,7 @@ class TestDoctor:
         assert machine.check_accelerator().advice == "no answer within 60 s"
         monkeypatch.setattr(machine.importlib.util, "find_spec", lambda _: None)
         found = machine.check_accelerator()
-        assert (found.good, found.found) == (False, "no JAX")
+        assert (found.good, found.result) == (False, "no JAX")
         assert found.advice.startswith("to train: ")
 
     def test_missing_packages_and_extras_are_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,4 +78,4 @@ class TestDoctor:
         found = machine.check_packages()
         assert not found.good
         assert "mujoco>=9" in found.advice
-        assert machine.check_extras().found == "train; pages lacks aiohttp, rich"
+        assert machine.check_extras().result == "train; pages lacks aiohttp, rich"

@@ -42,7 +42,7 @@ def test_advice_names_existing_settings(
     found: Finding = check(kernel_files(tmp_path, files))
     assert found.good is not bool(advice)
     assert advice in found.advice
-    assert found.found
+    assert found.result
 
 
 @pytest.mark.parametrize("permitted", [True, False])

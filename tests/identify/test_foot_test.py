@@ -8,7 +8,7 @@ import pytest
 
 from footfall.cli import main
 from footfall.deploy.config import DeployConfig
-from footfall.identify.foot_test import FootTest, FootTestConfig, Held, Hold, press_findings, presses
+from footfall.identify.foot_test import FootTest, FootTestConfig, Hold, Measurement, press_findings, presses
 from footfall.identify.record import run_on_stand
 from footfall.identify.simulated import on_scales
 from footfall.robots.description import Robot
@@ -26,21 +26,21 @@ def test_a_scale_shows_the_missing_force_of_weak_motors(go1: Robot, strength: fl
     policy = FootTest(go1, RL, presses(go1, QUICK), QUICK, rate_hz, lambda: scales.weigh(RL))
     duration_s = policy.duration_s + 0.5
     run_on_stand(go1, policy, scales.bus, duration_s, DeployConfig(), False, done=lambda: policy.done)
-    assert len(press_findings(policy.held, QUICK)) == findings
+    assert len(press_findings(policy.measured, QUICK)) == findings
     # These motors report their true torque.
-    assert [each.scale_n for each in policy.held] == pytest.approx(
-        [each.force_n for each in policy.held], abs=0.5
+    assert [each.scale_n for each in policy.measured] == pytest.approx(
+        [each.force_n for each in policy.measured], abs=0.5
     )
 
 
 def test_motors_that_report_twice_their_torque_are_found() -> None:
     config = FootTestConfig(presses=(0.1, 0.2))
-    held = [
-        _held(commanded, commanded, 0.5 * commanded + 3.0) for commanded in (10.0, 20.0)
+    measured = [
+        _measurement(commanded, commanded, 0.5 * commanded + 3.0) for commanded in (10.0, 20.0)
     ]  # with a preload of 3 N
-    assert len(press_findings(held, config)) == 2
+    assert len(press_findings(measured, config)) == 2
     assert not press_findings(
-        [_held(commanded, commanded, commanded + 3.0) for commanded in (10.0, 20.0)], config
+        [_measurement(commanded, commanded, commanded + 3.0) for commanded in (10.0, 20.0)], config
     )
 
 
@@ -48,9 +48,9 @@ def test_the_foot_of_a_simulated_robot_reaches_all_positions(tmp_path: Path) -> 
     motion, found = tmp_path / "motion.yaml", tmp_path / "found.json"
     motion.write_text("{settle_s: 0.3, move_s: 0.3, hold_s: 0.2, reach_m: 0.04}")
     assert main(["identify", "foot", "FL", "--motion", str(motion), "--json", str(found)]) == 0
-    held = json.loads(found.read_text())["held"]
+    measured = json.loads(found.read_text())["held"]
     commanded, reached = (
-        np.array([each[key] for each in held]) for key in ("commanded_offset_m", "offset_m")
+        np.array([each[key] for each in measured]) for key in ("commanded_offset_m", "offset_m")
     )
     assert np.abs(commanded).sum() == pytest.approx(6 * 0.04)
     assert reached == pytest.approx(commanded, abs=0.001)
@@ -61,5 +61,5 @@ def test_an_unknown_foot_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert "FL" in capsys.readouterr().err
 
 
-def _held(commanded: float, reported: float, scale: float) -> Held:
-    return Held(Hold(np.zeros(3), commanded, 1.0), np.zeros(3), reported, scale)
+def _measurement(commanded: float, reported: float, scale: float) -> Measurement:
+    return Measurement(Hold(np.zeros(3), commanded, 1.0), np.zeros(3), reported, scale)

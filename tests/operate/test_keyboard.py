@@ -39,7 +39,7 @@ def test_a_key_is_held_for_as_long_as_it_is_repeated() -> None:
 
     def forward(keys: str, now_s: float) -> float:
         keyboard.press(list(keys), now_s)
-        keyboard.ask(now_s)
+        keyboard.request_velocity(now_s)
         return float(inbox.poll(WALKING).velocity[0])
 
     assert forward("w", 0.0) == 1.0

@@ -12,7 +12,7 @@ from walking_run import LIMITS, WALKING, abilities
 
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.command_source import Behaviour, Pose, Request
-from footfall.operate.missions.activities import Now, Reach
+from footfall.operate.missions.activities import Input, Reach
 from footfall.operate.missions.follow import Tracking
 from footfall.operate.missions.mission import load_mission, mission_of
 from footfall.operate.missions.source import DONE, MissionSource
@@ -50,7 +50,7 @@ class Walker:
         low, high = np.array(list(vars(LIMITS.ranges).values())).T
         assert (low <= request.velocity).all()
         assert (request.velocity <= high).all()
-        moves = np.linalg.norm(request.velocity) >= LIMITS.slowest and not self._hold(self.time_s)
+        moves = np.linalg.norm(request.velocity) >= LIMITS.min_norm and not self._hold(self.time_s)
         self.velocity = self.velocity + STEP_S / LAG_S * (request.velocity * moves - self.velocity)
         (x, y, yaw), (ahead, left, turn) = self.pose, (STEP_S * self.velocity).tolist()
         cos, sin = math.cos(yaw), math.sin(yaw)
@@ -167,5 +167,5 @@ def test_an_impossible_step_is_refused_with_its_number(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("goal", [Pose(0.0, 0.0, 1.0), Pose(0.0, 0.0, -1.0)])
 def test_a_turn_takes_the_same_time_to_either_side(goal: Pose) -> None:
-    act = Reach(goal, LIMITS, Tracking()).act(Now(0.0, Pose(0.0, 0.0, 0.0), "trot"))
+    act = Reach(goal, LIMITS, Tracking()).act(Input(0.0, Pose(0.0, 0.0, 0.0), "trot"))
     assert act.remaining_s == pytest.approx(1.0 / LIMITS.yaw_rad_s)

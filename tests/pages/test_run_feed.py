@@ -11,7 +11,7 @@ from footfall import Episode, Robot, load_policy, load_robot, run_episode
 from footfall.deploy.config import deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.pages.cockpit.joints import JointNames, joint_figures
-from footfall.pages.run_feed import RunFeed, moment, sensed
+from footfall.pages.run_feed import RunFeed, newest_moment, sensed
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.readings import Sensed
 
@@ -36,13 +36,13 @@ def seen(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespac
             found.truth, found.footholds = body.truth(), policy.footholds()
             assert eventually(lambda: same(sensed(feed), loop.sensed), PATIENCE_S)
             assert eventually(lambda: feed.newest("/footholds", feed.time_ns - 25_000_000), PATIENCE_S)
-            found.moment, found.joints = moment(feed, 4), joint_figures(feed, joints)
+            found.moment, found.joints = newest_moment(feed, 4), joint_figures(feed, joints)
             found.policy = feed.fact("policy")
 
     command = np.array([0.4, 0.0, 0.2])
     config = replace(deploy_config(robot), odometry=True)
     run_episode(robot, policy, Episode(lambda _: command, 0.7, feed=path, config=config), watch)
-    assert eventually(lambda: feed.over, PATIENCE_S)
+    assert eventually(lambda: feed.ended, PATIENCE_S)
     return found
 
 
@@ -61,10 +61,10 @@ def test_a_moment_has_the_robots_pose_and_motion(seen: SimpleNamespace) -> None:
 
 def test_the_view_puts_its_feet_on_the_ground(seen: SimpleNamespace, go1: Robot) -> None:
     pytest.importorskip("viser")
-    from footfall.pages.live import Pose
+    from footfall.pages.live import PosedModel
 
-    pose = Pose(load_robot("go1"))
-    placed = pose.take(seen.moment)
+    pose = PosedModel(load_robot("go1"))
+    placed = pose.set_moment(seen.moment)
     assert placed.position[2] == pytest.approx(seen.truth.base_position[2], abs=0.02)
     base = pose.data.body(go1.description.base)
     np.testing.assert_allclose(base.xpos, placed.position)

@@ -75,7 +75,7 @@ class Visitor:
         self.now_s, self.frames, self.texts = 1000.0, 0, [""]
         self.shown: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # base velocity, command, velocity
         self.command = np.array([0.5, 0.0, 0.0])
-        self.paused, self.follow, self.seen, self.policy = False, True, True, NEWEST
+        self.paused, self.follow, self.visited, self.policy = False, True, True, NEWEST
         self.push, self.restart, self.starts, self.polls = 0.0, False, 0, 0
         self.ready: list[Snapshot] = [Snapshot(POLICY, 3)]
         self.problem, self.exporting, self.requested = "", None, False

@@ -119,7 +119,7 @@ class TestCommand:
         monkeypatch.setattr("footfall.plant.lying.find_lying_pose", lambda _: None)  # takes seconds
         assert main(["robot", "new", *arguments, "--feet", "FL_shank,FR_shank"]) == 0
         assert "the robot cannot stand by joint stiffness alone" in capsys.readouterr().out
-        falls = "wrong: it does not stand"
+        falls = "wrong: the robot does not stand"
         assert falls not in wrong(tmp_path / "two", capsys, "3")
         edit(tmp_path / "two", "robot.yaml", "held_start: true", "")
         assert falls in wrong(tmp_path / "two", capsys, "3")

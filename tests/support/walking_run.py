@@ -34,14 +34,14 @@ WALKING = Status(
 )
 
 
-LIMITS = Limits(CommandRange((-0.5, 1.0), (-0.3, 0.3), (-0.8, 0.8)), slowest=0.1)
-NOWHERE = Limits(CommandRange((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)))
+LIMITS = Limits(CommandRange((-0.5, 1.0), (-0.3, 0.3), (-0.8, 0.8)), min_norm=0.1)
+ZERO_LIMITS = Limits(CommandRange((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)))
 
 
 def abilities(policy: str) -> Abilities:
     """`stand` goes nowhere; every other policy walks within `LIMITS`."""
     if policy == "stand":
-        return Abilities(NOWHERE, OFFER._replace(gaits=(), settings={}))
+        return Abilities(ZERO_LIMITS, OFFER._replace(gaits=(), settings={}))
     return Abilities(LIMITS, OFFER)
 
 

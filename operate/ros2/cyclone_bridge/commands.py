@@ -8,7 +8,7 @@ from typing import Any
 from cyclonedds.domain import DomainParticipant
 
 from footfall.operate.ros2.cyclone_bridge.decode import decode
-from footfall.operate.ros2.cyclone_bridge.raw import RawReader, quality
+from footfall.operate.ros2.cyclone_bridge.raw import RawReader, quality_of_service
 from footfall.operate.ros2.link import Link
 from footfall.operate.ros2.table import (
     CHOSEN,
@@ -64,8 +64,8 @@ class Commands:
         """Listen to a topic unless this is done already."""
         name = absolute(topic.name)
         if (key := f"{name} {topic.kind}") not in self._readers:
-            how = quality(topic.reliable, False, 1 if topic.key == CMD_VEL.key else DEPTH)
-            reader = RawReader(self._participant, name, topic.kind, how)
+            qos = quality_of_service(topic.reliable, False, 1 if topic.key == CMD_VEL.key else DEPTH)
+            reader = RawReader(self._participant, name, topic.kind, qos)
             self._readers[key] = reader, topic.kind, act
 
     def _stop(self, _: None) -> None:

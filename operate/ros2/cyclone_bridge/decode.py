@@ -5,8 +5,8 @@ from typing import Any
 
 from footfall.operate.ros2.table import HEIGHT_SCAN, TWIST, TWIST_STAMPED
 
-HEAD = 4  # header bytes; alignment is relative to their end
-STAMP = 8
+HEADER_BYTES = 4  # size of the CDR header; alignment is relative to its end
+STAMP_BYTES = 8  # size of the time stamp in a std_msgs/Header
 
 
 def decode(kind: str, message: bytes) -> Any:
@@ -16,7 +16,7 @@ def decode(kind: str, message: bytes) -> Any:
         ValueError: the bytes are not a message of that kind.
     """
     order = "<" if message[1:2] == b"\x01" else ">"
-    content = message[HEAD:]
+    content = message[HEADER_BYTES:]
     try:
         if kind in (TWIST, TWIST_STAMPED):
             start = 0 if kind == TWIST else _after_header(order, content)
@@ -36,18 +36,18 @@ def decode(kind: str, message: bytes) -> Any:
 
 def _after_header(order: str, content: bytes) -> int:
     """Offset of a float64 after a std_msgs/Header."""
-    (size,) = struct.unpack_from(f"{order}I", content, STAMP)
-    end = STAMP + 4 + int(size)
+    (size,) = struct.unpack_from(f"{order}I", content, STAMP_BYTES)
+    end = STAMP_BYTES + 4 + int(size)
     return end + -end % 8
 
 
 def _array(order: str, content: bytes) -> list[float]:
     """Numbers of a std_msgs/Float32MultiArray, starting at its `data_offset`."""
     (dimensions,) = struct.unpack_from(f"{order}I", content)
-    at = 4
+    offset = 4
     for _ in range(dimensions):  # label, size, stride
-        (size,) = struct.unpack_from(f"{order}I", content, at)
-        at += 4 + int(size)
-        at += -at % 4 + 8
-    first, count = struct.unpack_from(f"{order}2I", content, at)
-    return list(struct.unpack_from(f"{order}{count}f", content, at + 8)[first:])
+        (size,) = struct.unpack_from(f"{order}I", content, offset)
+        offset += 4 + int(size)
+        offset += -offset % 4 + 8
+    first, count = struct.unpack_from(f"{order}2I", content, offset)
+    return list(struct.unpack_from(f"{order}{count}f", content, offset + 8)[first:])

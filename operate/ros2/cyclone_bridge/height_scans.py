@@ -19,11 +19,11 @@ def main(arguments: Sequence[str]) -> None:
     domain = configure()  # before cyclonedds is imported
     from cyclonedds.domain import DomainParticipant
 
-    from footfall.operate.ros2.cyclone_bridge.raw import RawReader, quality
+    from footfall.operate.ros2.cyclone_bridge.raw import RawReader, quality_of_service
 
     name, kind = absolute(HEIGHT_SCAN.name), HEIGHT_SCAN.kind
     participant = DomainParticipant(domain)
-    reader = RawReader(participant, name, kind, quality(HEIGHT_SCAN.reliable, False, 1))
+    reader = RawReader(participant, name, kind, quality_of_service(HEIGHT_SCAN.reliable, False, 1))
     ended = threading.Event()
     with scan_sender(int(arguments[0])) as send:
         ready(ended.set)

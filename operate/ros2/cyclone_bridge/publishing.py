@@ -7,7 +7,7 @@ from cyclonedds.domain import DomainParticipant
 
 from footfall.deploy.telemetry.feed_reader import FeedMessage
 from footfall.deploy.telemetry.topics import TOPICS
-from footfall.operate.ros2.cyclone_bridge.raw import RawWriter, quality
+from footfall.operate.ros2.cyclone_bridge.raw import RawWriter, quality_of_service
 from footfall.operate.ros2.table import PUBLISHED, absolute
 from footfall.operate.ros2.throttle import Throttle
 
@@ -19,7 +19,7 @@ class Publishing:
         self._writers: dict[str, tuple[RawWriter, Throttle]] = {}
         for each in PUBLISHED:
             topic = TOPICS[each.feed]
-            qos = quality(True, topic.latched, 1 if topic.latched else topic.depth)
+            qos = quality_of_service(True, topic.latched, 1 if topic.latched else topic.depth)
             writer = RawWriter(participant, absolute(each.name), topic.kind, qos)
             self._writers[each.feed] = writer, Throttle(each.rate_hz)
 

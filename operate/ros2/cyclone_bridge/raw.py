@@ -21,7 +21,7 @@ ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 WRITE_TIMEOUT = duration(milliseconds=10)  # maximum time of a write if a subscriber is slow
 
 
-def quality(reliable: bool, latched: bool, depth: int) -> Qos:
+def quality_of_service(reliable: bool, latched: bool, depth: int) -> Qos:
     """Quality of service, with ROS's terms."""
     return Qos(
         Policy.Reliability.Reliable(WRITE_TIMEOUT) if reliable else Policy.Reliability.BestEffort,
@@ -62,8 +62,8 @@ class RawWriter:
             DDSException: it cannot be sent, for example because a subscriber is too slow.
         """
         padded = message + bytes(-len(message) % 4)
-        if (found := ddspy_write(self._writer._ref, padded)) < 0:
-            raise DDSException(found, "a message was not sent")
+        if (status := ddspy_write(self._writer._ref, padded)) < 0:
+            raise DDSException(status, "a message was not sent")
 
 
 class RawReader:

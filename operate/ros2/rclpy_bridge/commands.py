@@ -19,7 +19,7 @@ from footfall.operate.ros2.table import (
     velocity_kinds,
 )
 
-LOOK_EVERY_S = 1.0  # interval of checks for publishers of the other type
+CHECK_INTERVAL_S = 1.0  # interval of checks for publishers of the other type
 
 
 class Commands:
@@ -35,7 +35,7 @@ class Commands:
         self._subscribe(STOP, self._stop)
         for topic in CHOSEN:
             self._subscribe(topic, partial(self._choose, topic.key))
-        node.create_timer(LOOK_EVERY_S, self._look_for_the_other_type)
+        node.create_timer(CHECK_INTERVAL_S, self._check_publishers)
 
     def offer(self, settings: Iterable[str]) -> None:
         """Listen to the topics of these live settings from now on."""
@@ -47,8 +47,8 @@ class Commands:
 
     def _subscribe(self, topic: Subscribed, take: Callable[[Any], None], depth: int = 10) -> Any:
         reliability = ReliabilityPolicy.RELIABLE if topic.reliable else ReliabilityPolicy.BEST_EFFORT
-        quality = QoSProfile(depth=depth, reliability=reliability)
-        return self._node.create_subscription(message_type(topic.kind), topic.name, take, quality)
+        qos = QoSProfile(depth=depth, reliability=reliability)
+        return self._node.create_subscription(message_type(topic.kind), topic.name, take, qos)
 
     def _velocity(self, twist: Any) -> None:
         self._link.post(velocity=[twist.linear.x, twist.linear.y, twist.angular.z])
@@ -69,7 +69,7 @@ class Commands:
     def _setting(self, name: str, message: Any) -> None:
         self._link.post(settings={name: message.data})
 
-    def _look_for_the_other_type(self) -> None:
+    def _check_publishers(self) -> None:
         topic = self._node.resolve_topic_name(CMD_VEL.name)
         found = self._node.get_publishers_info_by_topic(topic)
         if not self._warned and self._other in [each.topic_type for each in found]:

@@ -24,8 +24,8 @@ def main(arguments: Sequence[str]) -> None:
             send(message.data[message.layout.data_offset :])
 
         def begin(node: Node) -> None:
-            quality = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-            node.create_subscription(message_type(HEIGHT_SCAN.kind), HEIGHT_SCAN.name, take, quality)
+            qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+            node.create_subscription(message_type(HEIGHT_SCAN.kind), HEIGHT_SCAN.name, take, qos)
             ready(rclpy.try_shutdown)
 
         spin_node(SCAN_NODE, ros_arguments, begin)

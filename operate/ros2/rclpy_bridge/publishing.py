@@ -32,13 +32,13 @@ class Publishing:
         for each in PUBLISHED:
             topic = TOPICS[each.feed]
             durability = DurabilityPolicy.TRANSIENT_LOCAL if topic.latched else DurabilityPolicy.VOLATILE
-            quality = QoSProfile(
+            qos = QoSProfile(
                 depth=1 if topic.latched else topic.depth,
                 reliability=ReliabilityPolicy.RELIABLE,
                 durability=durability,
             )
             try:
-                publisher = node.create_publisher(message_type(topic.kind), each.name, quality)
+                publisher = node.create_publisher(message_type(topic.kind), each.name, qos)
             except ImportError as error:
                 node.get_logger().warning(f"no {each.name}: {error}")
                 continue

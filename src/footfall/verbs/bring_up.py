@@ -70,14 +70,14 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
     robot = setting.robot
     verdicts: list[Verdict] = []
     for step in steps:
-        if why := step.skipped_by(robot):
-            print(f"{step.name}: skipped, since {why}", flush=True)
+        if reason := step.skipped_by(robot):
+            print(f"{step.name}: skipped, since {reason}", flush=True)
             continue
         if options.bus != SIMULATED:
-            where = HANGS if step.hangs else HELD if robot.description.held_start else GROUND
+            place = HANGS if step.hangs else HELD if robot.description.held_start else GROUND
             if step.uneven:
-                where += f". Boards or mats up to {setting.config.uneven_m} m high lie ahead of it"
-            confirm(f"{step.name}: {step.about}. {where}?", options.yes)
+                place += f". Boards or mats up to {setting.config.uneven_m} m high lie ahead of it"
+            confirm(f"{step.name}: {step.about}. {place}?", options.yes)
         verdicts.append(_run_step(step, setting, options.bus))
         write_json(options.json, _figures(verdicts, options))
         print(f"{step.name}: {step.about}: {'passed' if verdicts[-1].passed else 'failed'}", flush=True)
@@ -134,12 +134,12 @@ def _chosen(names: tuple[str, ...]) -> "list[Step]":
 def _run_step(step: "Step", setting: "Setting", kind: str) -> "Verdict":
     from footfall.deploy.bring_up.steps import run_step
 
-    with _opened(setting, step, kind) as bus:
+    with _bus_of(setting, step, kind) as bus:
         return run_step(step, setting, bus)
 
 
 @contextmanager
-def _opened(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
+def _bus_of(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
     """Bus to the robot; a simulated robot starts as the step requires."""
     from footfall.deploy.wiring import wiring_of
 

@@ -27,7 +27,7 @@ can = App(name="can", help="A robot on a stand: find, enable, zero and monitor i
 
 PROBLEM_STATUS = 1
 FRAMES_PER_SECOND = 5
-LOOK_S = 0.5  # time in which every motor reports its errors: heartbeats come ten times per second
+REPORT_S = 0.5  # every motor reports its errors within this time: heartbeats come ten times per second
 
 
 @Parameter(name="*")
@@ -130,10 +130,10 @@ def clear(*, where: Target = Target(), joint: Names = (), yes: Yes = False) -> i
     which = ", ".join(joint) if joint else "every joint"
     confirm(f"clear the errors of {which}? Motors that were kept disabled by them can be enabled then", yes)
     with _bench(where, joint) as bench:
-        bench.watch(LOOK_S, lambda: None)
-        before = bench.states()
+        bench.watch(REPORT_S, lambda: None)
+        earlier_states = bench.states()
         problem = bench.clear() or bench.missing()
-        for earlier, state in zip(before, bench.states(), strict=True):
+        for earlier, state in zip(earlier_states, bench.states(), strict=True):
             if earlier.error and not state.error:
                 print(f"{earlier.joint} reported {earlier.error}: cleared")
         _print_motors(bench)
@@ -163,9 +163,9 @@ def _bench(where: Target, joints: tuple[str, ...]) -> "Iterator[Bench]":
     for name in joints:
         if name not in robot.joint_names:
             raise UserError(f"no joint '{name}': there are {', '.join(robot.joint_names)}")
-    some = wiring.take(np.array([robot.joint_index(name) for name in joints])) if joints else wiring
-    with interface_bus(robot, wiring, where.bus, open_driver(some).filters) as bus:
-        bench = Bench(some, bus)
+    selected = wiring.take(np.array([robot.joint_index(name) for name in joints])) if joints else wiring
+    with interface_bus(robot, wiring, where.bus, open_driver(selected).filters) as bus:
+        bench = Bench(selected, bus)
         with disabled_afterwards(bench):
             yield bench
 
@@ -222,7 +222,7 @@ def _row(state: "MotorState") -> tuple[str, ...]:
         (state.voltage, ".1f"),
         (1e3 * state.age_s, ".0f"),
     )
-    shown = [format(value, form) if math.isfinite(value) else "-" for value, form in figures]
+    shown = [format(value, spec) if math.isfinite(value) else "-" for value, spec in figures]
     return (state.joint, state.bus, str(state.id), state.model, *shown, state.error)
 
 

@@ -1,7 +1,7 @@
 """`footfall compare`."""
 
 from footfall.evaluation_options import (
-    NOMINAL,
+    DEFAULT_OPTIONS,
     EvaluationOptions,
     evaluation_config,
     exit_status,
@@ -10,7 +10,9 @@ from footfall.evaluation_options import (
 from footfall.options import HtmlFile, PolicyName
 
 
-def compare(*policies: PolicyName, options: EvaluationOptions = NOMINAL, html: HtmlFile = None) -> int:
+def compare(
+    *policies: PolicyName, options: EvaluationOptions = DEFAULT_OPTIONS, html: HtmlFile = None
+) -> int:
     """Run policies through the same scenarios: table, JSON, HTML report; exit 1 if an episode fails to
     run."""
     from footfall.evaluate.api import compare_policies

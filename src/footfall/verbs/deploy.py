@@ -50,7 +50,7 @@ def deploy(
     policy: PolicyName, /, *, options: DeployOptions = DEFAULTS, pages: RunPageOptions = NO_PAGES
 ) -> int:
     """Run a policy on a bus, simulated by default; exit 0 if it ended safely, 1 if not."""
-    check_outputs(options.json, options.log, inputs=[policy, options.by, options.config, options.plant])
+    check_outputs(options.json, options.log, inputs=[policy, options.source, options.config, options.plant])
     from footfall.common.config import unstructure
     from footfall.deploy_summary import show
     from footfall.height_scan_source import height_scan_source
@@ -60,25 +60,27 @@ def deploy(
     from footfall.robots.description import load_robot
     from footfall.steered import COCKPIT, mission_policies, steered
 
-    if options.by == COCKPIT:
-        options, pages = replace(options, by=None), replace(pages, cockpit=True)
+    if options.source == COCKPIT:
+        options, pages = replace(options, source=None), replace(pages, cockpit=True)
     robot = load_robot(options.robot)
     spec, *other_specs = add_settings([policy, *options.also], options.settings)
     policy_to_run, consent = load_policy(spec, robot), _consent(options, robot)
     others = {lasting_spec(each): load_policy(each, robot) for each in other_specs}
-    others |= mission_policies(options.by, [policy_to_run, *others.values()], robot)
-    act = _simulated if options.bus == SIMULATED else _on_interface
+    others |= mission_policies(options.source, [policy_to_run, *others.values()], robot)
+    run_on_bus = _simulated if options.bus == SIMULATED else _on_interface
     about = {"policy": spec, "robot": robot.name, "settings": unstructure(load_settings(spec, robot))}
     with spare_descriptors() as spare:
         all_policies, inbox = {spec: policy_to_run, **others}, inbox_of(pages)
         with (
-            steered(options.by, options.command, options.duration, all_policies, robot, inbox) as steering,
+            steered(
+                options.source, options.command, options.duration, all_policies, robot, inbox
+            ) as steering,
             run_pages(pages, robot, options.feed, steering, inbox) as (steering, feed),
             height_scan_source(options.height_scan) as scans,
         ):
             options = replace(options, feed=feed)
             run = Run(robot, policy_to_run, lasting_spec(spec), others, consent, options, steering, scans)
-            figures = about | act(run)
+            figures = about | run_on_bus(run)
         release(spare)
         safe = figures["final_state"] == SAFE and not figures["fell"]
         status = 0 if safe and not steering.failed() else 1
@@ -139,8 +141,8 @@ def _on_interface(run: Run) -> dict[str, Any]:
     from footfall.deploy.wiring_check.proof import keep_proof, must_check, unproven_note
 
     robot, options, steering = run.robot, run.options, run.steering
-    if what := _simulation_only(options):
-        raise UserError(f"{what} needs the simulated robot: leave --bus at '{SIMULATED}'")
+    if option := _simulation_only(options):
+        raise UserError(f"{option} needs the simulated robot: leave --bus at '{SIMULATED}'")
     facts = {"seed": options.seed, "policy_spec": run.spec, "bus": options.bus, "plant": None}
     check = must_check(robot, options.bus, options.wiring)
     notes = [] if check else [unproven_note(robot, options.bus)]
@@ -176,11 +178,11 @@ def _on_interface(run: Run) -> dict[str, Any]:
     )
     with virtual_robot(robot, options.bus, seed=options.seed):
         outcome = run_on_interface(robot, run.policy, options.bus, session)
-    tipped = outcome.final_state == FALLEN
+    fell = outcome.final_state == FALLEN
     return _figures(outcome, options, steering) | {
         "notes": [*outcome.notes, *filter(None, notes)],
-        "fell": tipped,
-        "fall_reason": outcome.faults[0] if tipped else "",
+        "fell": fell,
+        "fall_reason": outcome.faults[0] if fell else "",
         "distance_m": math.nan,  # not measured
         "mean_velocity_m_s": [math.nan] * 3,
     }
@@ -236,8 +238,8 @@ def _config(robot: "Robot", options: DeployOptions, steering: "Steered") -> "Dep
     from footfall.deploy.config import deploy_config
 
     config = deploy_config(robot, options.config, simulated=options.bus == SIMULATED)
-    shown = options.log is not None and not options.ground_truth  # a log includes the robot's path
-    return replace(config, odometry=config.odometry or steering.odometry or shown)
+    path_logged = options.log is not None and not options.ground_truth  # a log includes the robot's path
+    return replace(config, odometry=config.odometry or steering.odometry or path_logged)
 
 
 def _figures(outcome: "SessionResult", options: DeployOptions, steering: "Steered") -> dict[str, Any]:

@@ -17,9 +17,9 @@ def doctor() -> None:
     found = list(findings())
     for finding in found:
         table.add_row(
-            Text("ok", "green") if finding.good else Text("--", "yellow"), finding.what, Text(finding.found)
+            Text("ok", "green") if finding.good else Text("--", "yellow"), finding.name, Text(finding.result)
         )
     console.print(table)
     for finding in found:  # not wrapped, so that a command can be copied
         if finding.advice:
-            console.print(Text(f"{finding.what}: {finding.advice}"), soft_wrap=True)
+            console.print(Text(f"{finding.name}: {finding.advice}"), soft_wrap=True)

@@ -6,7 +6,7 @@ from cyclopts import Parameter
 
 from footfall.common.errors import UserError
 from footfall.evaluation_options import (
-    NOMINAL,
+    DEFAULT_OPTIONS,
     EvaluationOptions,
     evaluation_config,
     exit_status,
@@ -19,7 +19,7 @@ def evaluate(
     policy: PolicyName,
     /,
     *,
-    options: EvaluationOptions = NOMINAL,
+    options: EvaluationOptions = DEFAULT_OPTIONS,
     weakest: Annotated[Names, Parameter(show_default=False)] = (),
 ) -> int:
     """Run a policy through scenarios in lockstep, in parallel processes; exit 1 if an episode fails to run.
@@ -43,5 +43,5 @@ def evaluate(
 def _refuse_scenarios(options: EvaluationOptions) -> None:
     """Refuse options without meaning in a search for disturbances."""
     for name in ("scenarios", "metrics", "require", "junit", "ground_truth"):
-        if getattr(options, name) != getattr(NOMINAL, name):
+        if getattr(options, name) != getattr(DEFAULT_OPTIONS, name):
             raise UserError(f"--weakest runs no scenario: leave --{name.replace('_', '-')} out")

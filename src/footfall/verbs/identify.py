@@ -14,7 +14,7 @@ from footfall.common.outputs import check_outputs, write_json, write_text
 from footfall.confirm import Yes, confirm
 from footfall.options import AS_TYPED, SIMULATED, VIRTUAL, JsonFile, Names, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
-from footfall.stand_bus import ON_STAND, SAFE, opened
+from footfall.stand_bus import ON_STAND, SAFE, open_bus
 from footfall.verbs.identify_foot import foot
 from footfall.verbs.identify_gains import gains
 
@@ -38,8 +38,7 @@ class RecordOptions:
     robot: RobotName = DEFAULT_ROBOT
     bus: str = "sim"
     """sim for the simulated robot, socketcan for the CAN interfaces named in robot.yaml, or the name of
-    another
-    python-can interface; virtual includes a simulated robot."""
+    another python-can interface; virtual includes a simulated robot."""
     plant: OptionalPath = None
     """MJCF of the simulated robot's body (default: the robot's own)."""
     excitation: OptionalPath = None
@@ -76,7 +75,7 @@ def record(log: Path, /, *, options: RecordOptions = RecordOptions()) -> int:
     if options.bus not in (SIMULATED, VIRTUAL):
         confirm(f"All joints move, up to {motion.amplitude_rad:g} rad. {ON_STAND}?", options.yes)
     with ExitStack() as resources:
-        bus = opened(robot, options.bus, options.plant, options.seed, resources)
+        bus = open_bus(robot, options.bus, options.plant, options.seed, resources)
         outcome = run(robot, bus, log, motion, deploy, realtime=not simulated)
     for line in (*outcome.faults, *outcome.notes):
         print(line)
@@ -127,19 +126,19 @@ def fit(*logs: Path, options: FitOptions = FitOptions()) -> int:
     for name in options.effects:
         if name not in EFFECTS:
             raise UserError(f"no effect '{name}': there are {', '.join(EFFECTS)}")
-    given = _read(logs, options)
+    inputs = _read(logs, options)
     fits, config = [], FitConfig(effects=tuple(options.effects), profile=options.profile)
-    for leg in given.legs:
-        fits.append(fit_leg(leg, given.recordings, given.held_out, config))
+    for leg in inputs.legs:
+        fits.append(fit_leg(leg, inputs.recordings, inputs.held_out, config))
         _show(fits[-1])
-    _write(options, given.robot, fits, logs)
+    _write(options, inputs.robot, fits, logs)
     if options.out is not None:
-        folder = propose(given.robot, fits, [str(log) for log in logs], options.out)
+        folder = propose(inputs.robot, fits, [str(log) for log in logs], options.out)
         print(f"wrote {folder}: check it with: footfall robot check {folder}")
     return 1 if any((each.misfit > MISFIT_RATIO).any() for each in fits) else 0
 
 
-class _Given(NamedTuple):
+class _Inputs(NamedTuple):
     """Inputs of a fit or a training."""
 
     robot: "Robot"
@@ -148,7 +147,7 @@ class _Given(NamedTuple):
     legs: "list[FixedLeg]"
 
 
-def _read(logs: tuple[Path, ...], options: "FitOptions | NetOptions") -> _Given:
+def _read(logs: tuple[Path, ...], options: "FitOptions | NetOptions") -> _Inputs:
     """Robot, legs and logs. Raises UserError if they do not match, or the output folder exists."""
     from footfall.deploy.log_analysis.robot import logged_robot
     from footfall.deploy.log_file import read_log
@@ -161,8 +160,8 @@ def _read(logs: tuple[Path, ...], options: "FitOptions | NetOptions") -> _Given:
     if options.out is not None and options.out.exists():
         raise UserError(f"{options.out} exists: give another --out; files are not overwritten")
     check_outputs(options.out)
-    read = [log.resolve() for log in (*logs, *([] if options.held_out is None else [options.held_out]))]
-    if len(set(read)) < len(read):
+    log_paths = [log.resolve() for log in (*logs, *([] if options.held_out is None else [options.held_out]))]
+    if len(set(log_paths)) < len(log_paths):
         raise UserError("a log is named twice: each log counts once, and --held-out is a log of its own")
     robot = logged_robot(read_log(logs[0], topics=())) if options.robot is None else load_robot(options.robot)
     recordings = [read_recording(log, robot) for log in logs]
@@ -172,7 +171,7 @@ def _read(logs: tuple[Path, ...], options: "FitOptions | NetOptions") -> _Given:
         if name not in [leg.name for leg in legs]:
             raise UserError(f"no leg '{name}': there are {', '.join(leg.name for leg in legs)}")
     chosen = [leg for leg in legs if not options.legs or leg.name in options.legs]
-    return _Given(robot, recordings, held_out, chosen)
+    return _Inputs(robot, recordings, held_out, chosen)
 
 
 @Parameter(name="*")
@@ -216,16 +215,16 @@ def net(*logs: Path, options: NetOptions = NetOptions()) -> int:
         config = NetConfig(steps=options.steps, seeds=options.seeds, seed=options.seed)
     except ValueError as error:
         raise UserError(str(error)) from None
-    given = _read(logs, options)
-    if given.robot.actuator_net is not None:
+    inputs = _read(logs, options)
+    if inputs.robot.actuator_net is not None:
         raise UserError(
-            f"{given.robot.name} has an actuator net: learn another one with the robot without it"
+            f"{inputs.robot.name} has an actuator net: train a new one with the robot folder without it"
         )
     fit_config = FitConfig(explain=False)
-    fits = [fit_leg(leg, given.recordings, given.held_out, fit_config) for leg in given.legs]
+    fits = [fit_leg(leg, inputs.recordings, inputs.held_out, fit_config) for leg in inputs.legs]
     with TemporaryDirectory() as temporary:
         folder = Path(temporary) / "robot"
-        compared = learn(given.robot, fits, given.recordings, given.held_out, folder, config)
+        compared = learn(inputs.robot, fits, inputs.recordings, inputs.held_out, folder, config)
         _show_errors(compared)
         write_json(options.json, [each.figures() for each in compared])
         if options.out is not None:
@@ -259,7 +258,7 @@ def _write(options: FitOptions, robot: "Robot", fits: "list[LegFit]", logs: tupl
         print(f"wrote {options.report}")
 
 
-def _show(found: "LegFit") -> None:
+def _show(leg_fit: "LegFit") -> None:
     """Print the table and the verdict of a leg."""
     from rich.console import Console
     from rich.table import Table
@@ -269,10 +268,10 @@ def _show(found: "LegFit") -> None:
 
     console = Console()
     table = Table(
-        "joint or body", "quantity", "value", "95 % interval", "unit", box=None, title=found.leg.name
+        "joint or body", "quantity", "value", "95 % interval", "unit", box=None, title=leg_fit.leg.name
     )
-    for row in table_rows([found]):
+    for row in table_rows([leg_fit]):
         table.add_row(*row)
     console.print(table, highlight=False)
-    for line in verdicts(found):
+    for line in verdicts(leg_fit):
         print(line, flush=True)

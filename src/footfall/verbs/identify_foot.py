@@ -13,14 +13,14 @@ from cyclopts import Parameter
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.errors import UserError
 from footfall.common.outputs import check_outputs, write_json
-from footfall.confirm import Yes, answer, confirm
+from footfall.confirm import Yes, ask, confirm
 from footfall.options import SIMULATED, VIRTUAL, JsonFile, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
-from footfall.stand_bus import ON_STAND, SAFE, opened
+from footfall.stand_bus import ON_STAND, SAFE, open_bus
 
 if TYPE_CHECKING:
     from footfall.deploy.bus import Bus
-    from footfall.identify.foot_test import FootTestConfig, Held
+    from footfall.identify.foot_test import FootTestConfig, Measurement
 
 
 @Parameter(name="*")
@@ -86,7 +86,7 @@ def foot(name: str, /, *, options: FootOptions = FootOptions()) -> int:
             bus, weigh = on_scales(robot, seed=options.seed)
             policy = FootTest(robot, leg, holds, config, deploy.joint_rate_hz, lambda: weigh(leg))
         else:
-            bus = opened(robot, options.bus, None, options.seed, resources)
+            bus = open_bus(robot, options.bus, None, options.seed, resources)
         duration_s = policy.duration_s + 1.0
         outcome = run_on_stand(
             robot, policy, bus, duration_s, deploy, not simulated, done=lambda: policy.done
@@ -95,12 +95,14 @@ def foot(name: str, /, *, options: FootOptions = FootOptions()) -> int:
         print(line)
     if not policy.done or outcome.final_state != SAFE or outcome.faults:
         return 1
-    held = policy.held
+    measured = policy.measured
     if options.press and not simulated:
-        held = [_with_scale_reading(each) for each in held]
-    _show(held, options.press)
-    findings = press_findings(held, config) if options.press else reach_findings(held, config)
-    write_json(options.json, {"foot": name, "held": [_figures(each) for each in held], "findings": findings})
+        measured = [_with_scale_reading(each) for each in measured]
+    _show(measured, options.press)
+    findings = press_findings(measured, config) if options.press else reach_findings(measured, config)
+    write_json(
+        options.json, {"foot": name, "held": [_figures(each) for each in measured], "findings": findings}
+    )
     print("\n".join(findings) or "passed")
     return 1 if findings else 0
 
@@ -115,30 +117,30 @@ def _question(name: str, config: "FootTestConfig", press: bool) -> str:
     )
 
 
-def _with_scale_reading(held: "Held") -> "Held":
+def _with_scale_reading(measured: "Measurement") -> "Measurement":
     """The hold with the scale's reading, which the user enters."""
     while True:
         try:
-            shown_kg = float(answer(f"scale at {held.hold.force_n:.0f} N, kg: "))
+            shown_kg = float(ask(f"scale at {measured.hold.force_n:.0f} N, kg: "))
         except ValueError:
             shown_kg = math.nan
         if math.isfinite(shown_kg):
-            return held._replace(scale_n=GRAVITY_M_S2 * shown_kg)
+            return measured._replace(scale_n=GRAVITY_M_S2 * shown_kg)
         print("a number in kg is needed, such as 1.25")
 
 
-def _figures(held: "Held") -> dict[str, Any]:
+def _figures(measured: "Measurement") -> dict[str, Any]:
     """Plain values for a file."""
     return {
-        "commanded_offset_m": held.hold.offset.tolist(),
-        "offset_m": held.offset.tolist(),
-        "commanded_force_n": held.hold.force_n,
-        "force_n": held.force_n,
-        "scale_n": held.scale_n if np.isfinite(held.scale_n) else None,
+        "commanded_offset_m": measured.hold.offset.tolist(),
+        "offset_m": measured.offset.tolist(),
+        "commanded_force_n": measured.hold.force_n,
+        "force_n": measured.force_n,
+        "scale_n": measured.scale_n if np.isfinite(measured.scale_n) else None,
     }
 
 
-def _show(held: "Sequence[Held]", press: bool) -> None:
+def _show(measured: "Sequence[Measurement]", press: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -147,11 +149,11 @@ def _show(held: "Sequence[Held]", press: bool) -> None:
 
     if press:
         table = Table("commanded, N", "by the motors, N", "on the scale, N", box=None)
-        for each in held:
+        for each in measured:
             forces = each.hold.force_n, each.force_n, each.scale_n
             table.add_row(*(f"{force:.1f}" for force in forces))
     else:
         table = Table("foot moves to x y z, mm", "it is at, mm", box=None)
-        for each in held:
+        for each in measured:
             table.add_row(vector(each.hold.offset), vector(each.offset))
     Console().print(table, highlight=False)

@@ -11,7 +11,7 @@ from footfall.common.outputs import check_outputs, write_json
 from footfall.confirm import Yes, confirm
 from footfall.options import SIMULATED, VIRTUAL, JsonFile, OptionalPath, RobotName, Seed
 from footfall.robots.default import DEFAULT_ROBOT
-from footfall.stand_bus import ON_STAND, SAFE, opened
+from footfall.stand_bus import ON_STAND, SAFE, open_bus
 
 if TYPE_CHECKING:
     from footfall.identify.gain_search import Tuned
@@ -55,29 +55,29 @@ def gains(*, options: GainOptions = GainOptions()) -> int:
         confirm(f"Each joint steps by {steps.step_rad:g} rad and may ring. {ON_STAND}?", options.yes)
     policy = GainSearch(robot, steps, deploy.joint_rate_hz)
     with ExitStack() as resources:
-        bus = opened(robot, options.bus, None, options.seed, resources)
+        bus = open_bus(robot, options.bus, None, options.seed, resources)
         outcome = run_on_stand(
             robot, policy, bus, policy.duration_s, deploy, not simulated, options.log, lambda: policy.done
         )
     for line in (*outcome.faults, *outcome.notes):
         print(line)
-    found = {robot.joint_names[joint]: policy.tuned[joint] for joint in sorted(policy.tuned)}
-    _show_gains(robot, found)
-    write_json(options.json, {name: each.figures() for name, each in found.items()})
+    tuned = {robot.joint_names[joint]: policy.tuned[joint] for joint in sorted(policy.tuned)}
+    _show_gains(robot, tuned)
+    write_json(options.json, {name: each.figures() for name, each in tuned.items()})
     return 0 if policy.done and outcome.final_state == SAFE and not outcome.faults else 1
 
 
-def _show_gains(robot: "Robot", found: "dict[str, Tuned]") -> None:
+def _show_gains(robot: "Robot", tuned: "dict[str, Tuned]") -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table("joint", "rise, ms", "overshoot", "kp rings at", "kp", "kd rings at", "kd", box=None)
-    for name, tuned in found.items():
+    for name, result in tuned.items():
         joint = robot.joint_names.index(name)
-        cells = [f"{1e3 * tuned.own.rise_s:.0f}", f"{tuned.own.overshoot:.0%}"]
+        cells = [f"{1e3 * result.own.rise_s:.0f}", f"{result.own.overshoot:.0%}"]
         for own, rings, share in (
-            (robot.kp[joint], tuned.kp_rings, tuned.proposed.kp),
-            (robot.kd[joint], tuned.kd_rings, tuned.proposed.kd),
+            (robot.kp[joint], result.kp_rings, result.proposed.kp),
+            (robot.kd[joint], result.kd_rings, result.proposed.kd),
         ):
             cells += ["–" if rings is None else f"{own * rings:.3g}", f"{own * share:.3g}"]
         table.add_row(name, *cells)

@@ -48,12 +48,12 @@ def list_names(
         "presets": _presets,
         "terms": _terms,
     }
-    shown = [kind] if kind else [name for name in kinds if name != "terms"]
-    found = {name: kinds[name]() for name in shown}
+    kinds_shown = [kind] if kind else [name for name in kinds if name != "terms"]
+    rows_by_kind = {name: kinds[name]() for name in kinds_shown}
     if json:
-        print(json_text.dumps(found, indent=2))
+        print(json_text.dumps(rows_by_kind, indent=2))
     else:
-        _show(found)
+        _show(rows_by_kind)
 
 
 def _robots(robots: "list[Robot]") -> Rows:
@@ -74,16 +74,16 @@ def _robots(robots: "list[Robot]") -> Rows:
 def _controllers(robots: "list[Robot]") -> Rows:
     from footfall.policies.registry import CONTROLLERS, controllers_of
 
-    able = {robot.name: controllers_of(robot) for robot in robots}
+    controllers_by_robot = {robot.name: controllers_of(robot) for robot in robots}
     return [
         {
             "name": name,
             "about": controller.about,
             "walks": controller.walks,
-            "robots": [robot for robot, controllers in able.items() if name in controllers],
+            "robots": [robot for robot, controllers in controllers_by_robot.items() if name in controllers],
         }
         for name, controller in CONTROLLERS.items()
-        if any(name in controllers for controllers in able.values())
+        if any(name in controllers for controllers in controllers_by_robot.values())
     ]
 
 
@@ -135,13 +135,13 @@ def _terms() -> Rows:
     ]
 
 
-def _show(found: dict[str, Rows]) -> None:
+def _show(rows_by_kind: dict[str, Rows]) -> None:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     console = Console()
-    for kind, rows in found.items():
+    for kind, rows in rows_by_kind.items():
         if not rows:
             console.print(f"{kind}: none", style="bold", end="\n\n")
             continue

@@ -33,13 +33,13 @@ def info(file: Path, /, *, robot: RobotOfLog = None) -> int:
 
     from footfall.deploy.telemetry.topics import TOPICS
 
-    found = findings_of(file, robot)
-    columns, console = found.columns, Console()
-    for line in (headline(found), *found.verdicts()):
+    findings = findings_of(file, robot)
+    columns, console = findings.columns, Console()
+    for line in (headline(findings), *findings.verdicts()):
         console.print(line, highlight=False, soft_wrap=True)
     facts = Table(show_header=False, box=None)
-    for what, value in found.extremes():
-        facts.add_row(what, value)
+    for name, value in findings.extremes():
+        facts.add_row(name, value)
     console.print(facts, highlight=False)
     topics = Table("topic", "message", "messages", "Hz", box=None)
     for topic, count in sorted(columns.counts.items()):
@@ -47,7 +47,7 @@ def info(file: Path, /, *, robot: RobotOfLog = None) -> int:
         rate = f"{(count - 1) / columns.duration_s:.1f}" if count > 1 and columns.duration_s else ""
         topics.add_row(topic, kind.replace("/msg/", "/"), str(count), rate)
     console.print(topics, highlight=False)
-    return 0 if found.good else 1
+    return 0 if findings.good else 1
 
 
 @log.command
@@ -121,10 +121,11 @@ def import_(
     model = load_robot(robot)
     settings = deploy_config(model, config).estimator
     recorded = read_csv(file, load(columns, ColumnMap), model)
-    done = import_recording(recorded, model, settings, target, str(file))
-    motion = "estimated" if done.estimated else "not estimated: it needs an IMU, and forces or torques"
-    print(f"{target}: {done.readings} readings of {done.duration_s:.1f} s{' with commands' * done.commanded}")
-    print(f"attitude {done.attitude}; motion of the base {motion}")
+    imported = import_recording(recorded, model, settings, target, str(file))
+    motion = "estimated" if imported.estimated else "not estimated: it needs an IMU, and forces or torques"
+    commands = " with commands" if imported.commanded else ""
+    print(f"{target}: {imported.readings} readings of {imported.duration_s:.1f} s{commands}")
+    print(f"attitude {imported.attitude}; motion of the base {motion}")
     return 0
 
 
@@ -146,12 +147,12 @@ def plot(file: Path, /, *, out: OptionalPath = None, robot: RobotOfLog = None) -
     page = _beside(file, ".html", out)
     check_outputs(page, inputs=[file])
     check_installed()
-    found = findings_of(file, robot)
+    findings = findings_of(file, robot)
     from footfall.common.outputs import write_text
     from footfall.evaluate.report.log_page import render
 
-    write_text(page, render(found, headline(found)))
-    print(f"{page}: {' '.join(found.verdicts())}")
+    write_text(page, render(findings, headline(findings)))
+    print(f"{page}: {' '.join(findings.verdicts())}")
     return 0
 
 
@@ -183,8 +184,8 @@ def cut(
     check_outputs(part, inputs=[file])
     from footfall.deploy.recover import cut as cut_log
 
-    found = cut_log(file, part, start, end)
-    print(f"{found.messages} messages in {part}{_lost(found.damaged)}")
+    copied = cut_log(file, part, start, end)
+    print(f"{copied.messages} messages in {part}{_damage_note(copied.damaged)}")
     return 0
 
 
@@ -230,12 +231,12 @@ def layout(
     from footfall.deploy.log_analysis.layouts import LAYOUTS
     from footfall.deploy.log_file import read_log
 
-    found = read_log(file, topics=())
+    header = read_log(file, topics=())
     make, suffix = LAYOUTS[tool]
-    robot = Path(found.text("robot")).name  # a log of another maker may name any path
+    robot = Path(header.text("robot")).name  # a log of another maker may name any path
     target = file.parent / f"{robot}.{tool}{suffix}" if out is None else out
     check_outputs(target, inputs=[file])
-    write_text(target, make(found.joints))
+    write_text(target, make(header.joints))
     print(f"{target}: import it in {tool}")
     return 0
 
@@ -255,8 +256,8 @@ def recover(file: Path, /, *, out: OptionalPath = None) -> int:
     check_outputs(target, inputs=[file])
     from footfall.deploy.recover import recover as recover_log
 
-    found = recover_log(file, target)
-    print(f"{found.messages} messages in {target}{_lost(found.damaged)}")
+    recovered = recover_log(file, target)
+    print(f"{recovered.messages} messages in {target}{_damage_note(recovered.damaged)}")
     return 0
 
 
@@ -265,5 +266,5 @@ def _beside(file: Path, suffix: str, out: Path | None) -> Path:
     return file.parent / f"{file.stem}{suffix}" if out is None else out
 
 
-def _lost(damaged: int) -> str:
+def _damage_note(damaged: int) -> str:
     return f", {damaged} damaged parts skipped" if damaged else ""

@@ -36,14 +36,14 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     from footfall.policies.registry import load_policy
     from footfall.robots.description import load_robot
 
-    named = read_log(log, topics=())
-    robot = logged_robot(named) if options.robot is None else load_robot(options.robot)
+    header = read_log(log, topics=())
+    robot = logged_robot(header) if options.robot is None else load_robot(options.robot)
     if options.policy is None:
-        policy = _logged_policy(named.text("policy_spec"), robot)
+        policy = _logged_policy(header.text("policy_spec"), robot)
     else:
         policy = load_policy(options.policy, robot)
-    others = [_logged_policy(str(spec), robot) for spec in named.metadata.get(OTHERS) or ()]
-    spec = named.text(GET_UP) if GET_UP in named.metadata else ""
+    others = [_logged_policy(str(spec), robot) for spec in header.metadata.get(OTHERS) or ()]
+    spec = header.text(GET_UP) if GET_UP in header.metadata else ""
     get_up = _logged_policy(spec, robot) if spec else None
     result = replay_log(log, policy, options.tolerance, others, get_up)
     print(

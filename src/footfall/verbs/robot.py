@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 robot = App(name="robot", help="Import your own robot, or check one.")
 
-SOMETHING_WRONG = 1
+FAILED = 1
 
 
 def _by_joint(_: type, tokens: Any) -> dict[str, float]:
@@ -95,7 +95,7 @@ def new(*, options: NewOptions) -> None:
     from footfall.robots.description import load_robot
     from footfall.robots.importer.create import ImportRequest, import_robot
 
-    made = import_robot(
+    imported = import_robot(
         ImportRequest(
             source=options.source,
             folder=options.out,
@@ -115,10 +115,10 @@ def new(*, options: NewOptions) -> None:
     )
     loaded = load_robot(options.out.resolve())
     feet = len(loaded.description.feet)
-    print(f"wrote {made.folder}: {len(loaded.joint_names)} joints, {feet} feet. Guesses to check:")
-    for guess in made.guesses:
+    print(f"wrote {imported.folder}: {len(loaded.joint_names)} joints, {feet} feet. Guesses to check:")
+    for guess in imported.guesses:
         print(f"- {guess}")
-    print(f"check it with: footfall robot check {made.folder}")
+    print(f"check it with: footfall robot check {imported.folder}")
 
 
 @Parameter(name="*")
@@ -152,27 +152,27 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
     inspection = inspect_robot(loaded, options.seed)
     robot_check.show_tree(loaded, inspection)
     robot_check.show_feet(inspection)
-    held = loaded.description.held_start
-    standing = None if held else standing_test(loaded, options.duration, options.seed)
+    held_start = loaded.description.held_start
+    standing = None if held_start else standing_test(loaded, options.duration, options.seed)
     robot_check.show_standing(loaded, standing)
     lying = None if loaded.lying_pose is None else lying_test(loaded, options.seed)
     robot_check.show_lying(lying)
     results = controllers_test(loaded, options.duration, options.seed) if options.controllers else []
     robot_check.show_controllers(results)
-    wrong = [
-        *inspection.findings(stands_still=not held),
-        *robot_check.beyond_frames(loaded),
-        *robot_check.wrong_standing(loaded, standing),
-        *robot_check.wrong_lying(lying),
-        *robot_check.wrong_controllers(results),
+    findings = [
+        *inspection.findings(stands_still=not held_start),
+        *robot_check.gains_beyond_frames(loaded),
+        *robot_check.standing_findings(loaded, standing),
+        *robot_check.lying_findings(lying),
+        *robot_check.controller_findings(results),
     ]
-    for finding in wrong:
+    for finding in findings:
         print(f"wrong: {finding}")
-    if not wrong:
+    if not findings:
         print("nothing wrong was found")
     if options.picture is not None:
         _draw(loaded.folder, results, options.picture)
-    return SOMETHING_WRONG if wrong else 0
+    return FAILED if findings else 0
 
 
 @robot.command

@@ -26,8 +26,8 @@ from footfall.train.entry import learning_libraries, start_device
 from footfall.verbs.watch import LOCAL_PAGE, PageOptions
 
 EVALUATION = "gentle"  # scenario for every finished run
-OTHERWISE_NAMED = {"settings": "set", "start": "from"}  # option names that differ from their fields
-BESIDE_RESUME = {"resume", "evaluate", "watch"}  # options that --resume permits
+OPTION_NAMES = {"settings": "set", "start": "from"}  # option names that differ from their fields
+ALLOWED_WITH_RESUME = {"resume", "evaluate", "watch"}  # options that --resume permits
 ROBOT_HELP = f"Name of a robot, or a folder with its robot.yaml (default: {DEFAULT_ROBOT})."
 COORDINATOR = re.compile(r"(\[[0-9a-fA-F:.]+\]|[^:\[\]\s]+):(?P<port>[0-9]{1,5})")
 
@@ -119,12 +119,12 @@ def _evaluate(folder: Path) -> int:
     from footfall.train.runs.folder import open_run
 
     run = open_run(folder)
-    result = folder / "evaluation.json"
-    if result.is_file() and result.stat().st_mtime_ns >= run.policy.stat().st_mtime_ns:
+    result_file = folder / "evaluation.json"
+    if result_file.is_file() and result_file.stat().st_mtime_ns >= run.policy.stat().st_mtime_ns:
         return 0
     config = EvaluationConfig(run.provenance.robot, (EVALUATION,), run.provenance.seed)
-    walked = evaluate_policy(str(folder), config, json_path=result)
-    return exit_status({str(folder): walked})
+    result = evaluate_policy(str(folder), config, json_path=result_file)
+    return exit_status({str(folder): result})
 
 
 def _may_be_main_process(cluster: ClusterOptions) -> bool:
@@ -136,8 +136,8 @@ def _check_cluster(cluster: ClusterOptions) -> None:
     """Refuse incomplete or invalid cluster options before any waiting."""
     if cluster == ALONE:
         return
-    given = cluster.processes is not None and cluster.process is not None
-    if cluster.coordinator is None or given == (cluster.coordinator == "auto"):
+    processes_given = cluster.processes is not None and cluster.process is not None
+    if cluster.coordinator is None or processes_given == (cluster.coordinator == "auto"):
         raise UserError(
             "several processes need --coordinator HOST:PORT, --processes and --process, or --coordinator auto"
         )
@@ -174,16 +174,16 @@ def _start(spec: str) -> Path:
 
 def _by_key(settings: tuple[str, ...]) -> dict[str, Any]:
     """Values of the option --set, KEY=VALUE each, by key."""
-    found = {}
+    values = {}
     for setting in settings:
         key, equals, text = setting.partition("=")
         if not key or not equals:
             raise UserError(f"--set {setting}: expected KEY=VALUE, such as ppo.learning_rate=0.001")
         try:
-            found[key] = parse_yaml(text)
+            values[key] = parse_yaml(text)
         except ValueError as error:
             raise UserError(f"--set {setting}: {' '.join(str(error).split())}") from None
-    return found
+    return values
 
 
 def _watched(folder: Path, page: PageOptions) -> AbstractContextManager[None]:
@@ -194,8 +194,10 @@ def _watched(folder: Path, page: PageOptions) -> AbstractContextManager[None]:
 
 
 def _refuse_other_options(options: TrainOptions) -> None:
-    nominal = TrainOptions()
+    defaults = TrainOptions()
     for field in fields(options):
-        if field.name not in BESIDE_RESUME and getattr(options, field.name) != getattr(nominal, field.name):
-            option = OTHERWISE_NAMED.get(field.name, field.name.replace("_", "-"))
+        if field.name not in ALLOWED_WITH_RESUME and getattr(options, field.name) != getattr(
+            defaults, field.name
+        ):
+            option = OPTION_NAMES.get(field.name, field.name.replace("_", "-"))
             raise UserError(f"--resume uses the run's own settings: leave --{option} out")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from footfall.deploy.command_source import CommandSource
 
 
-class Opened(NamedTuple):
+class OpenSource(NamedTuple):
     """A command source with information for its operator."""
 
     source: CommandSource
