@@ -147,22 +147,22 @@ class Walk:
             self._status.falls += trace.fell
             self._status.last_fall = trace.fall_reason or trace.faults[0]
 
-    def _tick(self, loop: ControlLoop, simulated: SimulatedRobot) -> None:
+    def _tick(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Called by the loop after each joint tick."""
         if self._stop.requested:
             loop.finish()  # damping, then motors off, without waiting for the wall clock
         elif loop.now_us >= self._next_frame_us:
-            self._frame(loop, simulated)
+            self._frame(loop, body)
 
-    def _frame(self, loop: ControlLoop, simulated: SimulatedRobot) -> None:
+    def _frame(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Carry out requests, draw, check the run folder, and wait for the wall clock."""
         self._next_frame_us += FRAME_US
-        self._carry_out(loop, simulated)
-        self._show(loop, simulated)
+        self._carry_out(loop, body)
+        self._show(loop, body)
         self._refresh()
         self._pace.wait(loop.now_us * 1e-6)
 
-    def _carry_out(self, loop: ControlLoop, simulated: SimulatedRobot) -> None:
+    def _carry_out(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         """Carry out the page's requests: pause, push, restart."""
         if self._panel.paused:
             while self._panel.paused and not self._stop.requested:
@@ -171,19 +171,19 @@ class Walk:
             self._pace.resume(loop.now_us * 1e-6)
         if speed := self._panel.take_push():
             direction = self._pushes.uniform(-np.pi, np.pi)
-            simulated.push((speed * np.cos(direction), speed * np.sin(direction), 0.0))
+            body.push((speed * np.cos(direction), speed * np.sin(direction), 0.0))
         if self._panel.take_restart():
             loop.finish()
 
-    def _show(self, loop: ControlLoop, simulated: SimulatedRobot) -> None:
-        truth, status = simulated.truth(), self._status
+    def _show(self, loop: ControlLoop, body: SimulatedRobot) -> None:
+        truth, status = body.truth(), self._status
         moment = true_moment(loop, truth, self._panel.command)
         velocity = np.array([*truth.base_velocity[:2], truth.base_angular_velocity[2]])
         status.velocity = status.velocity + SMOOTHING * (velocity - status.velocity)
         status.command, status.mode = moment.command, loop.state.mode.value
         status.pace, status.restart_s = self._pace.factor, EPISODE_S
         status.walked_s = loop.walking_s if loop.walking else 0.0
-        self._view.show(simulated.data, moment, status.velocity, self._panel.follow)
+        self._view.show(body.data, moment, status.velocity, self._panel.follow)
 
     def _refresh(self) -> None:
         """Check the run folder for new metrics and policies, at most every `REFRESH_S`."""

@@ -16,7 +16,7 @@ class Audit:
 
     def __init__(self, robot: Robot, wiring: Wiring, tick_s: float) -> None:
         self._robot, self._tick_s = robot, tick_s
-        self._end = open_motor_end(wiring)
+        self._motor_end = open_motor_end(wiring)
         self._lower, self._upper = robot.soft_limits
         self._target: np.ndarray | None = None  # of the previous tick
         self.stiff = False  # whether a motor was ever given stiffness
@@ -27,7 +27,7 @@ class Audit:
 
     def update(self, frames: Frames, position: np.ndarray, velocity: np.ndarray) -> None:
         """Process one batch of frames and the readings (n,) that the controller had, rad and rad/s."""
-        requests = self._end.requests(frames)
+        requests = self._motor_end.requests(frames)
         if requests.kind is not None or requests.values.shape[1] != len(position):
             return
         values = np.empty_like(requests.values)
@@ -35,13 +35,13 @@ class Audit:
         values[:, requests.motor] = requests.values
         command = JointCommand(*values)
         demand = pd_torque(command, position, velocity)
-        possible = limit_torque(demand, velocity, self._robot.motor)
-        excess = (np.abs(demand) - np.abs(possible)) / self._robot.motor.peak_torque
+        limited = limit_torque(demand, velocity, self._robot.motor)
+        excess = (np.abs(demand) - np.abs(limited)) / self._robot.motor.peak_torque
         self.torque_over = max(self.torque_over, float(excess.max()))
         stiff = command.kp > 0.0
-        self._look_at_target(command.position, stiff)
+        self._update_target(command.position, stiff)
 
-    def _look_at_target(self, target: np.ndarray, stiff: np.ndarray) -> None:
+    def _update_target(self, target: np.ndarray, stiff: np.ndarray) -> None:
         if not stiff.any():
             self._target = None
             return

@@ -26,8 +26,8 @@ class SimulatedBattery:
             step_s: the physics step.
         """
         self._battery, self._motors, self._meter = battery, motors, EnergyMeter(robot)
-        self._every = max(1, round(UPDATE_S / step_s))
-        self._period_s, self._steps = self._every * step_s, 0
+        self._update_steps = max(1, round(UPDATE_S / step_s))
+        self._period_s, self._steps = self._update_steps * step_s, 0
         self.charge = charge
         self.resistance_ohm = battery.internal_resistance_ohm
         self.voltage_error_v = 0.0  # error of the reported voltage
@@ -38,10 +38,10 @@ class SimulatedBattery:
         """One physics step (see `EnergyMeter.add`)."""
         self._meter.add(torque, before, after)
         self._steps += 1
-        if self._steps % self._every == 0:
+        if self._steps % self._update_steps == 0:
             self._load(self._meter.take().electrical + self._battery.idle_w)
-            spent = self.current_a * self._period_s / self._battery.capacity_c
-            self.charge = min(max(self.charge - spent, 0.0), 1.0)
+            discharged = self.current_a * self._period_s / self._battery.capacity_c
+            self.charge = min(max(self.charge - discharged, 0.0), 1.0)
 
     def _load(self, power_w: float) -> None:
         """Draw electrical power: set voltage, current and the motors' supply."""

@@ -11,18 +11,18 @@ from footfall.plant.wires import Side, SimulatedWires
 class SimulatedBus:
     """The controller's end of simulated wires. Receiving simulates the robot up to the current time.
 
-    Locked, since a guard (`deploy/guard.py`) sends from its own thread, possibly during a step.
+    A lock is needed, because a guard (`deploy/guard.py`) sends from its own thread, possibly during a step.
     """
 
     def __init__(self, wires: SimulatedWires, robot: SimulatedRobot) -> None:
-        self._wires, self._robot, self._turn = wires, robot, Lock()
+        self._wires, self._robot, self._lock = wires, robot, Lock()
 
     def send(self, frames: Frames, now_us: int) -> int:
-        with self._turn:
+        with self._lock:
             return self._wires.send(Side.HOST, frames, now_us)
 
     def receive(self, now_us: int) -> list[Frames]:
-        with self._turn:
+        with self._lock:
             self._robot.advance(now_us)
             return self._wires.receive(Side.HOST, now_us)
 

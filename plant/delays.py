@@ -22,20 +22,20 @@ class Delay:
         self._transport, self._step_s = transport_of(sample, direction), step_s
         self._random = np.random.default_rng([seed, SEEDS[direction]])
         self._jitter_steps = round(JITTER_PERIOD_S / step_s)  # how long a drawn jitter lasts
-        self._jitter, self._until = 0.0, 0
+        self._jitter, self._jitter_until = 0.0, 0
         transport = self._transport
         self.varies = transport.jitter_s is not None or transport.swing_s is not None
         parts = (transport.delay_s, transport.jitter_s, transport.swing_s)
-        self.longest = round(sum(float(part) for part in parts if part is not None) / step_s)
-        self._constant = self.longest  # delay in steps, unless it varies
+        self.max_steps = round(sum(float(part) for part in parts if part is not None) / step_s)
+        self._constant = self.max_steps  # delay in steps, unless it varies
 
     def steps(self, step: int) -> int:
         """Delay of a frame that is sent in a physics step; `step` must not decrease between calls."""
         if not self.varies:
             return self._constant
-        if self._transport.jitter_s is not None and step >= self._until:
+        if self._transport.jitter_s is not None and step >= self._jitter_until:
             self._jitter = float(self._random.random())
-            self._until = step - step % self._jitter_steps + self._jitter_steps
+            self._jitter_until = step - step % self._jitter_steps + self._jitter_steps
         return round(float(delay_now_s(self._transport, step * self._step_s, self._jitter)) / self._step_s)
 
 
@@ -44,20 +44,20 @@ class DelayLine(Generic[T]):
 
     def __init__(self, sample: Sample, step_s: float, seed: int) -> None:
         self._delay = Delay(sample, "readings", step_s, seed)
-        self._moments: deque[T] = deque(maxlen=self._delay.longest + 1)
-        self._newest = self._delayed_step = -1  # steps
+        self._moments: deque[T] = deque(maxlen=self._delay.max_steps + 1)
+        self._newest_step = self._delayed_step = -1  # steps
 
     def push(self, moment: T) -> None:
         """Store the current values. Call at each physics step."""
         self._moments.append(moment)
-        self._newest += 1
+        self._newest_step += 1
 
     def delayed(self) -> T:
         """The values that are reported now, never older than those of the last call."""
         if not self._delay.varies:
             return self._moments[0]
-        self._delayed_step = max(self._delayed_step, self._newest - self._delay.steps(self._newest))
-        return self._moments[max(self._delayed_step - self._newest - 1, -len(self._moments))]
+        self._delayed_step = max(self._delayed_step, self._newest_step - self._delay.steps(self._newest_step))
+        return self._moments[max(self._delayed_step - self._newest_step - 1, -len(self._moments))]
 
 
 class Losses:

@@ -53,7 +53,7 @@ class Drivetrain:
         return motor_torque(command, measured, velocity, motor)
 
     def delivered(self, demand: np.ndarray) -> np.ndarray:
-        """Mean torque over this step after the motors' lag. It warms their windings."""
+        """Mean torque over this step after the motors' lag. The torque warms the motors' windings."""
         mean = demand
         if self._lag is not None:
             mean, self._lagged = lagged(demand, self._lagged, self._lag)
@@ -62,7 +62,7 @@ class Drivetrain:
         return mean
 
     def friction(self, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        """Gearbox friction of gearboxes that transmit a torque."""
+        """Friction of gearboxes that transmit a torque."""
         return friction_torque(velocity, self._motor, torque)
 
     def behind_gearbox(
@@ -75,14 +75,14 @@ class Drivetrain:
         torque: np.ndarray,
     ) -> np.ndarray:
         """Torque behind gearboxes that transmit a torque; the learned part's memory advances by a step."""
-        behind = torque + self.friction(velocity, torque)
+        joint_torque = torque + self.friction(velocity, torque)
         if self._net is None:
-            return behind
+            return joint_torque
         command = command._replace(kp=enabled * command.kp)
         inputs = inputs_of(self._net, command, position + encoder_bias, velocity, torque)
         learned = learned_torque(self._net, inputs, self._memory, self._step_s)
         self._memory = learned.memory
-        result: np.ndarray = behind + learned.torque
+        result: np.ndarray = joint_torque + learned.torque
         return result
 
     def weaken(self, strength: np.ndarray) -> None:

@@ -64,7 +64,7 @@ class Episode:
     sample: Sample | None = None
     noise: Noise | None = None
     pushes: tuple[Push, ...] = ()  # in any order
-    lying: bool = False  # initially
+    lying: bool = False  # whether the robot lies at the start
     charge: float = 1.0  # initial charge of the battery, if robot.yaml declares one
     lie_down: bool = False  # before the motors switch off, if robot and fault permit it
     ground_truth: bool = False  # give the policy the true base velocity and height
@@ -88,7 +88,7 @@ class Episode:
 
 
 def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:
-    """Stand up, walk for the episode's duration, lie down if asked to, damp, switch off.
+    """Stand up, walk for the episode's duration, lie down if `lie_down`, damp, switch off.
 
     Args:
         robot: the robot that the controller assumes.
@@ -102,7 +102,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
     """
     wiring, config = wiring_of(robot), episode.config or deploy_config(robot)
     wires = SimulatedWires(wiring.buses, config.host_queue)
-    config_of_plant = PlantConfig(
+    plant_config = PlantConfig(
         plant=episode.plant,
         engine=episode.engine,
         ground=episode.ground,
@@ -113,7 +113,7 @@ def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | N
         charge=episode.charge,
         release_after_s=config.held_up_s,
     )
-    body = SimulatedRobot(robot, wiring, wires, config_of_plant, episode.seed)
+    body = SimulatedRobot(robot, wiring, wires, plant_config, episode.seed)
     facts = {
         "seed": episode.seed,
         "policy_spec": episode.policy_spec or policy.name,
@@ -164,23 +164,23 @@ class Trial:
 
     def tick(self, loop: ControlLoop) -> None:
         """Call after each joint tick."""
-        walks = loop.state.mode is Mode.WALKING
-        self._walked = self._walked or walks
+        walking = loop.state.mode is Mode.WALKING
+        self._walked = self._walked or walking
         if self._walked:
-            self._push(loop.walking_s, walks)
-        if walks:
-            self._while_walking(loop)
+            self._push(loop.walking_s, walking)
+        if walking:
+            self._sample(loop)
         if self._watch is not None:
             self._watch(loop, self._body)
 
-    def _push(self, now_s: float, walks: bool) -> None:
+    def _push(self, now_s: float, walking: bool) -> None:
         """Apply the pushes that are due, except to a robot that lies after a fall or gets up."""
         while self._pushes and self._pushes[0].time_s <= now_s:
             push = self._pushes.pop(0)
-            if walks:
+            if walking:
                 self._body.push(push.delta_v_m_s)
 
-    def _while_walking(self, loop: ControlLoop) -> None:
+    def _sample(self, loop: ControlLoop) -> None:
         body, now_s = self._body, loop.walking_s
         if now_s < self._next_sample_s - 1e-9:
             return
@@ -213,8 +213,8 @@ class Trial:
         )
 
     def trace(self, outcome: SessionResult) -> Trace:
-        """The episode's trace; a fall that only the simulation detected counts too."""
-        tipped = outcome.final_state == Mode.FALLING.value
+        """The episode's trace; a fall that only the simulation detected counts, too."""
+        ended_falling = outcome.final_state == Mode.FALLING.value
         report: dict[str, Any] = {**vars(outcome), **self._recorder.arrays()}
         report["notes"] = (*outcome.notes, *self._body.notes)
         if self._diverged:
@@ -223,8 +223,8 @@ class Trial:
             report["final_state"] = Mode.FALLING.value
         return Trace(
             **report,
-            fell=bool(self._fall_reason) or tipped or self._diverged,
-            fall_reason=self._fall_reason or (outcome.faults[0] if tipped else ""),
+            fell=bool(self._fall_reason) or ended_falling or self._diverged,
+            fall_reason=self._fall_reason or (outcome.faults[0] if ended_falling else ""),
             distance_m=self._progress.distance_m,
             mean_velocity=self._progress.mean_velocity,
             record_rate_hz=self._episode.record_rate_hz,

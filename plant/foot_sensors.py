@@ -41,9 +41,9 @@ class SimulatedFootSensors:
 
     def sample(self) -> Frames:
         """The frames of the next sample."""
-        found = measured(self._delay_line.delayed(), self._sensors, self._rng.random(len(self.silent)))
+        force_n = measured(self._delay_line.delayed(), self._sensors, self._rng.random(len(self.silent)))
         if self.distort is not None:
-            found = self.distort(found)
+            force_n = self.distort(force_n)
         self._counter += 1
-        frames = self._frames._replace(data=foot_force.encode(found, self._counter))
+        frames = self._frames._replace(data=foot_force.encode(force_n, self._counter))
         return frames.take(~self.silent) if self.silent.any() else frames

@@ -13,20 +13,20 @@ Batches = list[Frames]
 Incoming = Callable[[Batches, int], Batches]
 
 
-def late(by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> Incoming:
+def late(by_us: int, selects: Callable[[Frames], bool] = lambda _: True) -> Incoming:
     """Delay some batches."""
-    waiting: list[tuple[int, Frames]] = []
+    held_back: list[tuple[int, Frames]] = []
 
     def hold(batches: Batches, now_us: int) -> Batches:
-        waiting.extend((now_us + by_us, _later(frames, by_us)) for frames in batches if what(frames))
-        due = [frames for at, frames in waiting if at <= now_us]
-        waiting[:] = [(at, frames) for at, frames in waiting if at > now_us]
-        return [*due, *(frames for frames in batches if not what(frames))]
+        held_back.extend((now_us + by_us, _shifted(frames, by_us)) for frames in batches if selects(frames))
+        due = [frames for at, frames in held_back if at <= now_us]
+        held_back[:] = [(at, frames) for at, frames in held_back if at > now_us]
+        return [*due, *(frames for frames in batches if not selects(frames))]
 
     return hold
 
 
-def _later(frames: Frames, by_us: int) -> Frames:
+def _shifted(frames: Frames, by_us: int) -> Frames:
     return frames if frames.time_us is None else frames._replace(time_us=frames.time_us + by_us)
 
 
@@ -41,11 +41,11 @@ def nothing(frames: Frames) -> Frames:
 
 
 def each_imu_frame(identifier: int, change: Callable[[Frames], Frames]) -> Callable[[Frames], Frames]:
-    """Change one of the three frames of a reading, or drop it."""
+    """Change the frame with this identifier among the three of a reading; `change` may drop it."""
 
     def corrupt(frames: Frames) -> Frames:
-        of_it = frames.id == identifier
-        return joined([frames.take(~of_it), change(frames.take(of_it))])
+        selected = frames.id == identifier
+        return joined([frames.take(~selected), change(frames.take(selected))])
 
     return corrupt
 
@@ -82,12 +82,16 @@ def flipped(share: float, rng: np.random.Generator) -> Callable[[Frames], Frames
 
 
 def mounted(reading: imu.Inertial, axis: int, angle_rad: float, rate_rad_s: float = 0.0) -> imu.Inertial:
-    """The consistent reading of an IMU that is rotated, and keeps rotating, in the body about an axis."""
-    askew = turned(reading, axis, float(np.rad2deg(angle_rad)))
+    """The reading of an IMU that is mounted rotated about a body axis, and keeps rotating at a rate."""
+    rotated = turned(reading, axis, float(np.rad2deg(angle_rad)))
     half = angle_rad / 2
-    turn = rotation_matrix(np.array([np.cos(half), *(np.sin(half) * np.eye(3)[axis])]))  # to the body's axes
-    gyro = np.array(reading.gyro) @ turn + rate_rad_s * np.eye(3)[axis]
-    return askew._replace(gyro=gyro.tolist(), acceleration=(np.array(reading.acceleration) @ turn).tolist())
+    rotation = rotation_matrix(
+        np.array([np.cos(half), *(np.sin(half) * np.eye(3)[axis])])
+    )  # to the body's axes
+    gyro = np.array(reading.gyro) @ rotation + rate_rad_s * np.eye(3)[axis]
+    return rotated._replace(
+        gyro=gyro.tolist(), acceleration=(np.array(reading.acceleration) @ rotation).tolist()
+    )
 
 
 def turned(reading: imu.Inertial, axis: int, degrees: float) -> imu.Inertial:

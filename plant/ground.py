@@ -10,7 +10,7 @@ from footfall.robots.spec_edits import ALL_CONTACTS, FLOOR, FLOOR_FRICTION
 from footfall.terrain.boxes import boxes
 from footfall.terrain.ground import Ground
 
-BEYOND_M = 100.0  # extent of the flat ground beyond the rim
+SURROUNDINGS_M = 100.0  # extent of the flat ground beyond the rim
 DEPTH_M = 2.0  # thickness of the ground below its lowest point
 
 
@@ -34,7 +34,7 @@ def replace_ground(spec: mujoco.MjSpec, ground: Ground) -> None:
             _add_box(spec, rectangle, bottom_m)
     else:
         _add_height_field(spec, heights, ground.half_m)
-    for rectangle in _beyond(ground.half_m, float(heights[0, 0])):
+    for rectangle in _surroundings(ground.half_m, float(heights[0, 0])):
         _add_box(spec, rectangle, bottom_m)
 
 
@@ -70,9 +70,9 @@ def _add_height_field(spec: mujoco.MjSpec, heights: np.ndarray, half_m: float) -
     )
 
 
-def _beyond(half_m: float, height_m: float) -> list[list[float]]:
+def _surroundings(half_m: float, height_m: float) -> list[list[float]]:
     """Rectangles around the ground, at the height of its rim."""
-    far = half_m + BEYOND_M
+    far = half_m + SURROUNDINGS_M
     return [
         [-far, -half_m, -far, far, height_m],
         [half_m, far, -far, far, height_m],

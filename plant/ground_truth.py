@@ -52,15 +52,15 @@ class GroundTruth:
         self._body_of_geom = plant.model.geom_bodyid.tolist()
         self._leg_of_geom = plant.leg_of_body[plant.model.geom_bodyid].tolist()
         self._base_and_world = {plant.base, WORLD}
-        self._nowhere = np.full((len(plant.feet), 3), np.nan)  # for feet missing in the plant
+        self._unknown = np.full((len(plant.feet), 3), np.nan)  # for feet missing in the plant
         self._twist = np.zeros(6)
         self._lowest_height = COLLAPSED_SHARE * height_m
 
     def truth(self, motor_torque: np.ndarray) -> Truth:
         """The current state, with the motor torque (n,) of the last physics step."""
-        qpos, qvel, pos, vel = self._position, self._velocity, self._free_qpos, self._free_qvel
-        quaternion = qpos[pos + 3 : pos + 7].copy()
-        position, velocity = self._nowhere.copy(), self._nowhere.copy()
+        qpos, qvel, first_qpos, first_qvel = self._position, self._velocity, self._free_qpos, self._free_qvel
+        quaternion = qpos[first_qpos + 3 : first_qpos + 7].copy()
+        position, velocity = self._unknown.copy(), self._unknown.copy()
         for foot, geoms in enumerate(self._geoms_of_foot):
             if len(geoms) == 1:  # a mean takes ten times as long
                 position[foot], velocity[foot] = self._geom_position[geoms[0]], self._velocity_of(geoms[0])
@@ -69,10 +69,10 @@ class GroundTruth:
                 velocity[foot] = np.mean([self._velocity_of(geom).copy() for geom in geoms], axis=0)
         contact, force, legs_touch = self._contacts()
         return Truth(
-            base_position=qpos[pos : pos + 3].copy(),
+            base_position=qpos[first_qpos : first_qpos + 3].copy(),
             base_quaternion=quaternion,
-            base_velocity=rotate_to_body(quaternion, qvel[vel : vel + 3]),
-            base_angular_velocity=qvel[vel + 3 : vel + 6].copy(),
+            base_velocity=rotate_to_body(quaternion, qvel[first_qvel : first_qvel + 3]),
+            base_angular_velocity=qvel[first_qvel + 3 : first_qvel + 6].copy(),
             joint_position=qpos[self._qpos].copy(),
             joint_velocity=qvel[self._qvel].copy(),
             motor_torque=motor_torque.copy(),
@@ -90,14 +90,14 @@ class GroundTruth:
 
     def fall(self) -> str | None:
         """Reason why the robot counts as fallen; None if it has not fallen."""
-        qpos, pos = self._position, self._free_qpos
-        if tilt(qpos[pos + 3 : pos + 7]) > FALLEN_TILT:
+        qpos, first_qpos = self._position, self._free_qpos
+        if tilt(qpos[first_qpos + 3 : first_qpos + 7]) > FALLEN_TILT:
             return "the base tilted past 70 degrees"
-        for one, other in self._engine.touching():
-            if {self._body_of_geom[one], self._body_of_geom[other]} == self._base_and_world:
+        for first, second in self._engine.touching():
+            if {self._body_of_geom[first], self._body_of_geom[second]} == self._base_and_world:
                 return "the base touched the ground"
         ground = min(self._geom_position[self._feet, 2].tolist()) if len(self._feet) else 0.0
-        if qpos[pos + 2] - ground < self._lowest_height:
+        if qpos[first_qpos + 2] - ground < self._lowest_height:
             return "the base sank to the height of the feet"
         return None
 
@@ -108,10 +108,10 @@ class GroundTruth:
 
     def _contacts(self) -> tuple[np.ndarray, np.ndarray, bool]:
         """Contact and normal force, N, of each foot, (feet,) each; and `Truth.legs_touch`."""
-        force, legs_touch = np.zeros(len(self._nowhere)), False
+        force, legs_touch = np.zeros(len(self._unknown)), False
         for index, geoms in enumerate(self._engine.touching()):
-            one, other = (self._leg_of_geom[geom] for geom in geoms)
-            between_legs = one != other and NO_LEG not in (one, other)
+            first, second = (self._leg_of_geom[geom] for geom in geoms)
+            between_legs = first != second and NO_LEG not in (first, second)
             feet = [self._foot_of_geom[geom] for geom in geoms if geom in self._foot_of_geom]
             if not (feet or between_legs):
                 continue

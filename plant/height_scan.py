@@ -29,10 +29,10 @@ class SimulatedScanner:
         """`ground` None: level ground at height 0."""
         self._scan, self._errors, self._ground, self._pose = scan, errors, ground, pose
         self._rng = np.random.default_rng([seed, SEED])
-        self._episode = draw_errors(errors, self._rng.random(NUMBERS))
+        self._drawn = draw_errors(errors, self._rng.random(NUMBERS))
         self._first_us: int | None = None
         self._next_us = 0
-        self._under_way: deque[Scanned] = deque()
+        self._pending: deque[Scanned] = deque()
         self._newest: Scanned | None = None
 
     def newest(self, now_us: int) -> Scanned | None:
@@ -42,15 +42,15 @@ class SimulatedScanner:
         if now_us >= self._next_us:
             self._next_us = now_us + round(1e6 / self._scan.rate_hz)
             taken_s = (now_us - self._first_us) * 1e-6
-            if taken_s < self._episode.end_s:
-                self._under_way.append(Scanned(now_us, self._take(taken_s)))
-        while self._under_way and now_us - self._under_way[0].taken_us >= self._episode.lag_s * 1e6:
-            self._newest = self._under_way.popleft()
+            if taken_s < self._drawn.end_s:
+                self._pending.append(Scanned(now_us, self._take(taken_s)))
+        while self._pending and now_us - self._pending[0].taken_us >= self._drawn.lag_s * 1e6:
+            self._newest = self._pending.popleft()
         return self._newest
 
     def _take(self, taken_s: float) -> np.ndarray:
         position, quaternion = self._pose()
-        positions = self._scan.positions(position, heading(quaternion), self._episode.shift_m)
+        positions = self._scan.positions(position, heading(quaternion), self._drawn.shift_m)
         ground = np.zeros(len(positions)) if self._ground is None else height_at(self._ground, positions)
         u = self._rng.random((2, len(positions)))
-        return with_errors(ground - position[2], self._errors, self._episode, np.float64(taken_s), u)
+        return with_errors(ground - position[2], self._errors, self._drawn, np.float64(taken_s), u)

@@ -15,15 +15,15 @@ class Support:
 
     Args:
         holder: the frame or stand; None if the robot stands by itself.
-        steps: physics steps with commanded motors until it is released; infinite for never.
+        steps: physics steps with commanded motors until the robot is released; infinite for never.
         still: whether the robot does not move until its motors are commanded.
     """
 
     def __init__(self, holder: Holder | None, steps: float, still: bool) -> None:
-        self._holder, self._steps = holder, steps
+        self._holder, self._remaining_steps = holder, steps
         self.still = still
 
-    def act(self, commanded: bool) -> None:
+    def apply(self, commanded: bool) -> None:
         """Apply the holder's force in the next physics step, or release the robot.
 
         Args:
@@ -32,11 +32,11 @@ class Support:
         self.still = self.still and not commanded
         if self._holder is None:
             return
-        self._steps -= commanded
-        if self._steps > 0:
-            self._holder.pull()
+        self._remaining_steps -= commanded
+        if self._remaining_steps > 0:
+            self._holder.apply()
         else:
-            self._holder.let_go()
+            self._holder.release()
             self._holder = None
 
 

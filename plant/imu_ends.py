@@ -34,11 +34,11 @@ class FootfallImuEnd:
     identifiers: tuple[int, ...] = imu.IDS  # of the frames that it sends
 
     def __init__(self, channel: int) -> None:
-        sent = len(self.identifiers)
+        count = len(self.identifiers)
         self._channel, self._id, self._length = (
-            np.full(sent, channel),
+            np.full(count, channel),
             np.array(self.identifiers),
-            np.full(sent, 8),
+            np.full(count, 8),
         )
         self._counter = 0
 
@@ -111,11 +111,11 @@ class SimulatedImu:
     def __init__(self, wiring: Wiring, step_s: float) -> None:
         """`step_s` is the physics step."""
         self._end, self._frames = open_imu_end(wiring), no_frames()
-        self._every = round(IMU_PERIOD_S / step_s)
+        self._period_steps = round(IMU_PERIOD_S / step_s)
 
     def due(self, step: int) -> bool:
         """Whether a sample is due in this physics step."""
-        return step % self._every == 0
+        return step % self._period_steps == 0
 
     def frames(self, measure: Callable[[], imu.Inertial], stuck: bool) -> Frames:
         """Frames of the next sample; a stuck IMU repeats its last one."""

@@ -159,27 +159,25 @@ class FaultInjector:
         """Change all arriving batches."""
         self.bus.incoming = lambda batches, _: [change(frames) for frames in batches]
 
-    def late(self, by_us: int, what: Callable[[Frames], bool] = lambda _: True) -> None:
+    def late(self, by_us: int, selects: Callable[[Frames], bool] = lambda _: True) -> None:
         """Delay some batches."""
-        self.bus.incoming = late(by_us, what)
+        self.bus.incoming = late(by_us, selects)
 
-    def falls_behind(self, share: float, what: Callable[[Frames], bool]) -> None:
+    def falls_behind(self, share: float, selects: Callable[[Frames], bool]) -> None:
         """Put some batches into a growing queue, from which the reader takes too few.
 
-        `share` is the growth of their age per time.
-
-        Their arrival times stay the same.
+        `share` is the growth of the batches' age per time. The batches keep their arrival times.
         """
-        waiting: list[tuple[int, Frames]] = []
+        queued: list[tuple[int, Frames]] = []
         began: list[int] = []
 
         def hold(batches: Batches, now_us: int) -> Batches:
             began.append(now_us) if not began else None
-            waiting.extend((now_us, frames) for frames in batches if what(frames))
+            queued.extend((now_us, frames) for frames in batches if selects(frames))
             read_until = now_us - share * (now_us - began[0])
-            due = [frames for at, frames in waiting if at <= read_until]
-            waiting[:] = [(at, frames) for at, frames in waiting if at > read_until]
-            return [*due, *(frames for frames in batches if not what(frames))]
+            due = [frames for at, frames in queued if at <= read_until]
+            queued[:] = [(at, frames) for at, frames in queued if at > read_until]
+            return [*due, *(frames for frames in batches if not selects(frames))]
 
         self.bus.incoming = hold
 

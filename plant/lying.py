@@ -58,8 +58,8 @@ def lying_test(robot: Robot, seed: int = 0, config: DeployConfig | None = None) 
         UserError: the robot has no lying pose, or no driver for its motors.
     """
     recorder = _PoseRecorder(robot)
-    still = Episode(lambda _: np.zeros(3), STAND_S, seed, lying=True, lie_down=True, config=config)
-    trace = run_episode(robot, HoldDefaultPose(robot), still, recorder)
+    episode = Episode(lambda _: np.zeros(3), STAND_S, seed, lying=True, lie_down=True, config=config)
+    trace = run_episode(robot, HoldDefaultPose(robot), episode, recorder)
     trouble = trace.fall_reason or "; ".join(trace.faults)
     if not trouble and trace.base_position[-1, 2] < STANDING_SHARE * robot.description.standing_height_m:
         trouble = f"it stands {trace.base_position[-1, 2]:.3f} m high only"
@@ -78,9 +78,9 @@ def find_lying_pose(robot: Robot, config: DeployConfig | None = None) -> np.ndar
     """
     poses = list(_folded(robot))
     efforts = [resting_effort(robot, pose) for pose in poses]
-    easiest = [poses[index] for index in np.argsort(efforts)[:MAX_CANDIDATES] if efforts[index] < 1.0]
+    candidates = [poses[index] for index in np.argsort(efforts)[:MAX_CANDIDATES] if efforts[index] < 1.0]
     return next(
-        (pose for pose in easiest if not lying_test(_lying_in(robot, pose), config=config).trouble), None
+        (pose for pose in candidates if not lying_test(_lying_in(robot, pose), config=config).trouble), None
     )
 
 
@@ -137,12 +137,16 @@ def resting_effort(robot: Robot, pose: np.ndarray) -> float:
     model, data = body.model, body.data
     if any((model.geom_bodyid[contact] > 0).all() for contact in data.contact.geom):
         return np.inf  # links collide
-    config, (positions, dofs), none = deploy_config(robot), joint_addresses(model, robot), np.zeros(len(pose))
+    config, (qpos_addresses, dofs), zero = (
+        deploy_config(robot),
+        joint_addresses(model, robot),
+        np.zeros(len(pose)),
+    )
     command = JointCommand(
-        pose, none, config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd, none
+        pose, zero, config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd, zero
     )
     for _ in range(round(REST_S / model.opt.timestep)):
-        torque = joint_torque(command, data.qpos[positions], data.qvel[dofs], robot.motor)
+        torque = joint_torque(command, data.qpos[qpos_addresses], data.qvel[dofs], robot.motor)
         data.qfrc_applied[dofs] = torque
         mujoco.mj_step(model, data)
     truth = body.truth()
@@ -154,8 +158,8 @@ def resting_effort(robot: Robot, pose: np.ndarray) -> float:
 
 def _lying_in(robot: Robot, pose: np.ndarray) -> Robot:
     """The robot with another lying pose."""
-    described = robot.description
+    description = robot.description
     joints = [
-        replace(each, lying_rad=angle) for each, angle in zip(described.joints, pose.tolist(), strict=True)
+        replace(each, lying_rad=angle) for each, angle in zip(description.joints, pose.tolist(), strict=True)
     ]
-    return replace(robot, description=replace(described, joints=tuple(joints)))
+    return replace(robot, description=replace(description, joints=tuple(joints)))

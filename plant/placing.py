@@ -10,7 +10,7 @@ from footfall.robots.description import Robot
 SEARCH_HEIGHT_M = 4.0  # largest height of the ground above or below the origin
 
 
-def first_pose(robot: Robot, lying: bool) -> np.ndarray:
+def initial_pose(robot: Robot, lying: bool) -> np.ndarray:
     """Initial joint positions, rad, (n,); raises UserError for `lying` without a lying pose."""
     if not lying:
         return robot.default_pose

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-PATH_INTERVAL_S = 0.5  # length of the chords of a path, so that sway within a stride does not count
+PATH_INTERVAL_S = 0.5  # duration of the chords of a path, so that sway within a stride does not count
 
 
 class Progress:
@@ -14,22 +14,22 @@ class Progress:
         self._stride = max(1, round(PATH_INTERVAL_S * rate_hz))
         self._count = 0
         self._length_m = 0.0
-        self._corner = self._last = (0.0, 0.0)
+        self._chord_start = self._last = (0.0, 0.0)
         self._velocity_sum = np.zeros(3)
 
     def add(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """One sample: the base's position m, world frame, (3,), and its velocity m/s, body frame, (3,)."""
         self._last = float(position[0]), float(position[1])
         if self._count % self._stride == 0:
-            self._length_m += 0.0 if self._count == 0 else math.dist(self._corner, self._last)
-            self._corner = self._last
+            self._length_m += 0.0 if self._count == 0 else math.dist(self._chord_start, self._last)
+            self._chord_start = self._last
         self._count += 1
         self._velocity_sum += velocity
 
     @property
     def distance_m(self) -> float:
         """Length of the horizontal path so far."""
-        return self._length_m + math.dist(self._corner, self._last)
+        return self._length_m + math.dist(self._chord_start, self._last)
 
     @property
     def mean_velocity(self) -> np.ndarray:

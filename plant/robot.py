@@ -32,7 +32,7 @@ from footfall.plant.holder import Support, holder
 from footfall.plant.imu_ends import SimulatedImu
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import MotorFaults, SimulatedMotors
-from footfall.plant.placing import first_pose, put_down
+from footfall.plant.placing import initial_pose, put_down
 from footfall.plant.sensors import Layout, SimulatedSensors
 from footfall.plant.wires import SimulatedWires
 from footfall.robots import kinds
@@ -135,7 +135,7 @@ class SimulatedRobot:
             force = self._ground_truth.foot_force
             self.foot_sensors = SimulatedFootSensors(wiring, force, sample, step_s, seed)
         self.faults = Faults(self._motors.faults)
-        put_down(robot, self.model, self.data, self._layout, first_pose(robot, config.lying))
+        put_down(robot, self.model, self.data, self._layout, initial_pose(robot, config.lying))
         height_m = 0.0 if config.lowered else robot.description.standing_height_m
         frame = holder(
             robot, self.model, self.data, self._layout, plant.base, config.hanging, config.clamped, height_m
@@ -227,7 +227,7 @@ class SimulatedRobot:
         self._torque = torque = motors.torque(self._step, position, velocity)
         joints = self._layout.qvel
         self._applied[joints] = motors.at_joint(position, velocity, torque)
-        self._support.act(motors.commanded)
+        self._support.apply(motors.commanded)
         if self._support.still:
             self._keep_still()
         else:

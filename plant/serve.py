@@ -38,11 +38,11 @@ def serve(body: SimulatedRobot, wires: SimulatedWires, bus: Bus, stop: threading
     wires could not carry all of them in simulated time.
     """
     clock = WallClock(PERIOD_US)
-    before_us = now_us = 0
+    previous_wall_us = now_us = 0
     while not stop.is_set():
         wall_us = clock.next_tick()
-        now_us += min(wall_us - before_us, MAX_STEP_US)
-        before_us = wall_us
+        now_us += min(wall_us - previous_wall_us, MAX_STEP_US)
+        previous_wall_us = wall_us
         body.advance(now_us)
         for frames in bus.receive(now_us):
             wires.send(Side.HOST, not_before(frames, now_us - MAX_STEP_US), now_us)

@@ -44,8 +44,8 @@ class StandingResult:
     faults: tuple[str, ...]  # of the deploy loop
     stood_s: float
     sank_m: float  # largest distance of the base below its standing height
-    tilt_rad: float  # largest
-    moved_m: float  # largest horizontal distance
+    tilt_rad: float  # largest tilt of the base
+    moved_m: float  # largest horizontal distance of the base from its start
     torque_share: np.ndarray  # (n,) largest share of the peak torque once settled
     feet_down: np.ndarray  # (feet,) share of the time in contact once settled
 
@@ -63,9 +63,9 @@ def standing_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> Stand
     """
     episode = Episode(command_source=lambda _: np.zeros(3), duration_s=duration_s, seed=seed)
     trace = run_episode(robot, HoldDefaultPose(robot), episode)
-    late = slice(int(len(trace.time_s) * (1 - MEASURED_SHARE)), None)
-    position, contact = trace.base_position, trace.foot_contact[late]
-    torque = np.abs(trace.motor_torque[late]) / robot.motor.peak_torque
+    settled = slice(int(len(trace.time_s) * (1 - MEASURED_SHARE)), None)
+    position, contact = trace.base_position, trace.foot_contact[settled]
+    torque = np.abs(trace.motor_torque[settled]) / robot.motor.peak_torque
     height = robot.description.standing_height_m
     return StandingResult(
         fall_reason=trace.fall_reason or ("the simulation diverged" if trace.fell else ""),

@@ -12,7 +12,8 @@ from footfall.policies.registry import CONTROLLERS, controllers_of, load_policy
 from footfall.robots.description import Robot
 
 SPEED_SHARE = 0.5  # of the robot's highest forward command
-REACHED, SLOW = 0.1, 0.5  # shares of the commanded speed below which the robot does not walk, or walks slowly
+# Shares of the commanded speed: below the first the robot does not walk, below the second it walks slowly.
+WALKS_SHARE, SLOW_SHARE = 0.1, 0.5
 MEASURED_SHARE = 0.5  # speeds are measured in the last share of the time
 MAX_SWAY = 0.05  # speed of a standing base, over sqrt(gravity times standing height)
 MAX_DRIFT = 0.2  # drift of a standing robot, as a share of its standing height
@@ -35,7 +36,7 @@ class ControllerResult:
         """The result in words."""
         if self.trouble or not self.walks:
             return self.trouble or "stands"
-        if self.speed_m_s >= SLOW * self.command_m_s:
+        if self.speed_m_s >= SLOW_SHARE * self.command_m_s:
             return "walks"
         return "; ".join(["walks slowly", *self.trace.notes])
 
@@ -56,8 +57,8 @@ def _test(robot: Robot, name: str, duration_s: float, seed: int) -> ControllerRe
     episode = Episode(command_source=lambda _: command, duration_s=duration_s, seed=seed)
     policy = load_policy(name, robot)
     trace = run_episode(robot, policy, episode)
-    late = slice(int(len(trace.time_s) * (1 - MEASURED_SHARE)), None)
-    velocity = trace.base_velocity[late, :2]
+    settled = slice(int(len(trace.time_s) * (1 - MEASURED_SHARE)), None)
+    velocity = trace.base_velocity[settled, :2]
     result = ControllerResult(
         name=name,
         walks=walks,
@@ -77,7 +78,7 @@ def _trouble(robot: Robot, result: ControllerResult, duration_s: float) -> str:
     if failed:
         return f"{failed}, after {trace.walked_s:.1f} of {duration_s:.1f} s"
     if result.walks:
-        if result.speed_m_s >= REACHED * result.command_m_s:
+        if result.speed_m_s >= WALKS_SHARE * result.command_m_s:
             return ""
         return "; ".join([f"it does not walk at {result.command_m_s:.2f} m/s", *trace.notes])
     if result.sway_m_s > MAX_SWAY * math.sqrt(GRAVITY_M_S2 * height_m):

@@ -44,18 +44,18 @@ class FaultyWires:
 
     def count_unacknowledged(self, channel: np.ndarray) -> None:
         """Count unacknowledged frames: a controller stops counting once it is error-passive."""
-        alone = np.intersect1d(channel, self._faults.unplugged).astype(np.intp)
-        self.transmit_errors[alone] = PASSIVE_ABOVE + 1
+        unacknowledged = np.intersect1d(channel, self._faults.unplugged).astype(np.intp)
+        self.transmit_errors[unacknowledged] = PASSIVE_ABOVE + 1
 
     def repetitions(self, channel: np.ndarray, from_host: bool) -> np.ndarray:
         """Number of destroyed transmissions of each frame, (k,)."""
         if self._faults.destroyed == 0.0:
             return np.zeros(len(channel), np.int64)
-        again = np.minimum(self._random.geometric(1.0 - self._faults.destroyed, len(channel)) - 1, 16)
+        repetitions = np.minimum(self._random.geometric(1.0 - self._faults.destroyed, len(channel)) - 1, 16)
         if from_host:  # each error adds 8, each success subtracts 1
-            for wire, count in zip(channel.tolist(), again.tolist(), strict=True):
+            for wire, count in zip(channel.tolist(), repetitions.tolist(), strict=True):
                 self.transmit_errors[wire] = max(self.transmit_errors[wire] + 8 * count - 1, 0)
-        return again
+        return repetitions
 
     def deliver(self, frames: Frames) -> Frames:
         """The transmitted frames that arrive."""

@@ -19,37 +19,39 @@ class Plan:
     frames: np.ndarray  # (channels,) frames on each wire
     max_frames: int  # frames on the busiest wire
     wires: list[int]  # indices of the wires with a frame
-    first: list[float]  # least precedence on each wire
-    last: list[float]  # greatest precedence on each wire
+    first: list[float]  # lowest precedence number on each wire
+    last: list[float]  # highest precedence number on each wire
     orderly: bool  # whether the frames on each wire are in order of precedence
     sent: list[int] = field(default_factory=lambda: [0, 0])  # number of such batches from each side
 
 
 def precedence(identifier: np.ndarray) -> np.ndarray:
     """Precedence in arbitration, (k,): of two frames the one with the lower number wins."""
-    plain = (identifier & 0x7FF) << 19  # 11 bits, then the IDE bit: 0 in standard, 1 in extended identifiers
+    standard = (
+        identifier & 0x7FF
+    ) << 19  # 11 bits, then the IDE bit: 0 in standard, 1 in extended identifiers
     extended = identifier & 0x1FFF_FFFF
     long = (extended >> 18) << 19 | 1 << 18 | (extended & 0x3FFFF)
-    return np.where(identifier >= EXTENDED, long, plain)
+    return np.where(identifier >= EXTENDED, long, standard)
 
 
 def planned(frames: Frames, wires: int) -> Plan:
     """The plan of a batch on a number of wires."""
     channel, duration = frames.channel, bits_of(frames)
     order = precedence(frames.id).astype(float)
-    before = np.tril(channel[:, None] == channel[None, :]).astype(float)
-    on = np.arange(wires)[:, None] == channel[None, :]
-    occupied, count = (on @ duration).tolist(), on.sum(axis=1)
-    each = [order[row] for row in on]
+    not_later = np.tril(channel[:, None] == channel[None, :]).astype(float)
+    on_wire = np.arange(wires)[:, None] == channel[None, :]
+    occupied, count = (on_wire @ duration).tolist(), on_wire.sum(axis=1)
+    orders = [order[row] for row in on_wire]
     return Plan(
-        position=before.sum(axis=1),
-        offset=before @ duration,
+        position=not_later.sum(axis=1),
+        offset=not_later @ duration,
         occupied=occupied,
         longest=max(occupied, default=0.0),
         frames=count,
         max_frames=int(count.max(initial=0)),
         wires=np.flatnonzero(count).tolist(),
-        first=[float(row.min(initial=math.inf)) for row in each],
-        last=[float(row.max(initial=0.0)) for row in each],
-        orderly=all(bool((np.diff(row) >= 0).all()) for row in each),
+        first=[float(row.min(initial=math.inf)) for row in orders],
+        last=[float(row.max(initial=0.0)) for row in orders],
+        orderly=all(bool((np.diff(row) >= 0).all()) for row in orders),
     )

@@ -27,7 +27,7 @@ class DrakeEngine:
         self._results = plant.plant.get_contact_results_output_port()
         free = int(np.flatnonzero(model.jnt_type == FREE)[0])
         at, dof = int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])
-        self._turn, self._spin = slice(at + 3, at + 7), slice(dof + 3, dof + 6)
+        self._quaternion, self._angular = slice(at + 3, at + 7), slice(dof + 3, dof + 6)
         self._applied = np.zeros(model.nv)
         self._touching: list[list[int]] = []
         self._normal_force: list[float] = []
@@ -39,14 +39,14 @@ class DrakeEngine:
         data, model, plant = self._data, self._model, self._plant.plant
         positions, velocities, step_s = self._plant.positions, self._plant.velocities, model.opt.timestep
         before = data.qvel.copy()
-        state, speed, force = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
-        state[positions], speed[velocities] = data.qpos, self._to_world(before)
+        q, v, force = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
+        q[positions], v[velocities] = data.qpos, self._to_world(before)
         generalised_force(model, data, self._applied)
         force[velocities] = self._to_world(self._applied)
-        if not (np.isfinite(speed).all() and np.isfinite(force).all()):  # too large in the world frame
+        if not (np.isfinite(v).all() and np.isfinite(force).all()):  # too large in the world frame
             self._failed = True
             return
-        plant.SetPositionsAndVelocities(self._context, np.concatenate([state, speed]))
+        plant.SetPositionsAndVelocities(self._context, np.concatenate([q, v]))
         self._forces.FixValue(self._context, force)
         self._steps += 1
         try:  # to a multiple of the step: a sum of steps may round to just before or after an update
@@ -54,13 +54,13 @@ class DrakeEngine:
         except RuntimeError:  # the solver did not converge
             self._failed = True
             return
-        state = plant.GetPositions(self._context)[positions]
-        speed = plant.GetVelocities(self._context)[velocities]
-        speed[self._spin] = rotate_to_body(state[self._turn], speed[self._spin])
-        if not (np.isfinite(state).all() and np.isfinite(speed).all()):
+        q = plant.GetPositions(self._context)[positions]
+        v = plant.GetVelocities(self._context)[velocities]
+        v[self._angular] = rotate_to_body(q[self._quaternion], v[self._angular])
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
             self._failed = True
             return
-        data.qpos[:], data.qvel[:] = state, speed
+        data.qpos[:], data.qvel[:] = q, v
         data.time += step_s
         self._read_contacts()
         update_derived(model, data, (data.qvel - before) / step_s)
@@ -79,9 +79,9 @@ class DrakeEngine:
 
     def _to_world(self, values: np.ndarray) -> np.ndarray:
         """Velocities or forces, (nv,), with the base's angular part in the world frame instead of its own."""
-        turned = values.copy()
-        turned[self._spin] = rotation_matrix(self._data.qpos[self._turn]) @ values[self._spin]
-        return turned
+        result = values.copy()
+        result[self._angular] = rotation_matrix(self._data.qpos[self._quaternion]) @ values[self._angular]
+        return result
 
     def _read_contacts(self) -> None:
         """Keep the contacts of this step."""

@@ -78,15 +78,17 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
     config = MultibodyPlantConfig(
         time_step=model.opt.timestep, contact_model="point", adjacent_bodies_collision_filters=False
     )
-    plant, scene = AddMultibodyPlant(config, builder)
+    plant, scene_graph = AddMultibodyPlant(config, builder)
     plant.mutable_gravity_field().set_gravity_vector(model.opt.gravity)
     bodies = [plant.world_body()]
     for body in range(1, model.nbody):
-        inertia = RotationalInertia(*model.body_inertia[body]).ReExpress(
+        rotational_inertia = RotationalInertia(*model.body_inertia[body]).ReExpress(
             _pose(model.body_iquat[body], np.zeros(3)).rotation()
         )
-        mass = SpatialInertia.MakeFromCentralInertia(model.body_mass[body], model.body_ipos[body], inertia)
-        bodies.append(plant.AddRigidBody(f"body_{body}", mass))
+        inertia = SpatialInertia.MakeFromCentralInertia(
+            model.body_mass[body], model.body_ipos[body], rotational_inertia
+        )
+        bodies.append(plant.AddRigidBody(f"body_{body}", inertia))
     joints = [_join(plant, model, body, bodies) for body in range(1, model.nbody)]
     geoms = {}
     collides = np.flatnonzero(collidable(model))
@@ -99,10 +101,10 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
         geoms[
             plant.RegisterCollisionGeometry(body, pose, _shape(model, geom), f"geom_{geom}", properties)
         ] = geom
-    filtered, shapes = CollisionFilterDeclaration(), {geom: shape for shape, geom in geoms.items()}
-    for one, other in non_colliding_pairs(model, shapes):
-        filtered.ExcludeBetween(GeometrySet(shapes[one]), GeometrySet(shapes[other]))
-    scene.collision_filter_manager().Apply(filtered)
+    filters, shapes = CollisionFilterDeclaration(), {geom: shape for shape, geom in geoms.items()}
+    for first, second in non_colliding_pairs(model, shapes):
+        filters.ExcludeBetween(GeometrySet(shapes[first]), GeometrySet(shapes[second]))
+    scene_graph.collision_filter_manager().Apply(filters)
     plant.Finalize()
     positions, velocities = _state_indices(model, [joint for joint in joints if joint is not None])
     return DrakePlant(builder.Build(), plant, positions, velocities, geoms)
@@ -110,9 +112,10 @@ def drake_plant(model: mujoco.MjModel, feet: list[int]) -> DrakePlant:
 
 def _check(model: mujoco.MjModel, feet: list[int]) -> None:
     """Raise UserError if Drake would simulate another robot than MuJoCo."""
-    flat = [model.geom(geom).name for geom in feet if mujoco.mjtGeom(model.geom_type[geom]) not in ROUND]
+    not_round = [model.geom(geom).name for geom in feet if mujoco.mjtGeom(model.geom_type[geom]) not in ROUND]
+    first = "".join(not_round[:1])
     others = {
-        f"foot '{''.join(flat[:1])}', which is not round: contacts are one point for each two geoms": flat,
+        f"foot '{first}', which is not round: contacts are one point for each two geoms": not_round,
         "bodies with several joints": (model.body_jntnum > 1).any(),
         "friction loss in the model": model.dof_frictionloss.any(),
     }
@@ -123,12 +126,16 @@ def non_colliding_pairs(model: mujoco.MjModel, geoms: Iterable[int]) -> Iterator
     """Pairs of these geoms that MuJoCo does not test for contact, the lower id first."""
     listed = {tuple(sorted(pair)) for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)}
     excluded, contype, conaffinity = excluded_bodies(model), model.geom_contype, model.geom_conaffinity
-    for one, other in combinations(sorted(geoms), 2):
-        low, high = sorted(model.geom_bodyid[[one, other]].tolist())
-        bits = contype[one] & conaffinity[other] or contype[other] & conaffinity[one]
-        touching = bits and not adjacent(model, low, high) and (low, high) not in excluded
-        if not touching and (one, other) not in listed:
-            yield one, other
+    for first, second in combinations(sorted(geoms), 2):
+        lower_body, higher_body = sorted(model.geom_bodyid[[first, second]].tolist())
+        bits = contype[first] & conaffinity[second] or contype[second] & conaffinity[first]
+        collide = (
+            bits
+            and not adjacent(model, lower_body, higher_body)
+            and (lower_body, higher_body) not in excluded
+        )
+        if not collide and (first, second) not in listed:
+            yield first, second
 
 
 def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, float]:
@@ -140,26 +147,27 @@ def geom_friction(model: mujoco.MjModel, collides: np.ndarray) -> dict[int, floa
     Raises:
         UserError: parts of the ground differ in friction, or a coefficient is too large.
     """
-    own, priority = model.geom_friction[:, 0], model.geom_priority
+    friction, priority = model.geom_friction[:, 0], model.geom_priority
     ground = [geom for geom in collides.tolist() if model.geom_bodyid[geom] == WORLD]
     others = [geom for geom in collides.tolist() if model.geom_bodyid[geom] != WORLD]
-    if len({(own[geom], priority[geom]) for geom in ground}) > 1:
+    if len({(friction[geom], priority[geom]) for geom in ground}) > 1:
         raise UserError("--engine drake does not simulate a ground of several frictions: give it one")
-    floor = ground[0]
-    pair = {
-        geom: own[geom]
-        if priority[geom] > priority[floor]
-        else own[floor]
-        if priority[geom] < priority[floor]
-        else max(own[geom], own[floor])
+    ground_geom = ground[0]
+    pair_friction = {
+        geom: friction[geom]
+        if priority[geom] > priority[ground_geom]
+        else friction[ground_geom]
+        if priority[geom] < priority[ground_geom]
+        else max(friction[geom], friction[ground_geom])
         for geom in others
     }
-    if max(pair.values(), default=0.0) >= MAX_FRICTION:
+    if max(pair_friction.values(), default=0.0) >= MAX_FRICTION:
         raise UserError(f"--engine drake does not simulate friction of {MAX_FRICTION:g} or more")
     # a = p b / (2 b - p) must be positive for each pair's p.
-    ground_friction = max(float(np.median(list(pair.values()))), 0.6 * max(pair.values()))
+    ground_friction = max(float(np.median(list(pair_friction.values()))), 0.6 * max(pair_friction.values()))
     return dict.fromkeys(ground, ground_friction) | {
-        geom: value * ground_friction / (2.0 * ground_friction - value) for geom, value in pair.items()
+        geom: value * ground_friction / (2.0 * ground_friction - value)
+        for geom, value in pair_friction.items()
     }
 
 
@@ -195,12 +203,12 @@ def _state_indices(model: mujoco.MjModel, joints: list[Any]) -> tuple[np.ndarray
     positions, velocities = np.zeros(model.nq, int), np.zeros(model.nv, int)
     for index, joint in enumerate(joints):
         q, v = model.jnt_qposadr[index], model.jnt_dofadr[index]
-        at, moves = joint.position_start(), joint.velocity_start()
+        position_start, velocity_start = joint.position_start(), joint.velocity_start()
         if model.jnt_type[index] == FREE:  # Drake: quaternion, position; angular, linear velocity
-            positions[q : q + 7] = at + np.array([4, 5, 6, 0, 1, 2, 3])
-            velocities[v : v + 6] = moves + np.array([3, 4, 5, 0, 1, 2])
+            positions[q : q + 7] = position_start + np.array([4, 5, 6, 0, 1, 2, 3])
+            velocities[v : v + 6] = velocity_start + np.array([3, 4, 5, 0, 1, 2])
         else:
-            positions[q], velocities[v] = at, moves
+            positions[q], velocities[v] = position_start, velocity_start
     return positions, velocities
 
 

@@ -8,7 +8,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-DIVERGED = [  # warnings
+DIVERGENCE_WARNINGS = [  # indices in `MjData.warning`
     int(kind)
     for kind in (
         mujoco.mjtWarning.mjWARN_BADQPOS,
@@ -61,4 +61,4 @@ class MujocoEngine:
 
     def diverged(self) -> bool:
         """Whether MuJoCo has reset its state automatically after divergence."""
-        return any(self._warnings[DIVERGED].tolist())
+        return any(self._warnings[DIVERGENCE_WARNINGS].tolist())

@@ -23,7 +23,7 @@ class MotrixEngine:
         self._state = motrixsim.SceneData(scene)
         free = int(np.flatnonzero(model.jnt_type == FREE)[0])
         quaternion = int(model.jnt_qposadr[free]) + 3
-        self._positions = np.arange(model.nq)  # index in MuJoCo's positions of each of MotrixSim's
+        self._positions = np.arange(model.nq)  # for each of MotrixSim's positions, its index in MuJoCo's
         self._positions[quaternion : quaternion + 4] = quaternion + np.array([1, 2, 3, 0])
         self._motors = model.jnt_dofadr[hinges(model)]
         self._others = np.setdiff1d(np.arange(model.nv), self._motors)
@@ -39,7 +39,7 @@ class MotrixEngine:
         data, model, state = self._data, self._model, self._state
         before = data.qvel.copy()
         generalised_force(model, data, self._applied)
-        velocity = before + self._kick() * model.opt.timestep
+        velocity = before + self._other_acceleration() * model.opt.timestep
         if not np.isfinite(velocity).all():
             self._failed = True
             return
@@ -71,17 +71,17 @@ class MotrixEngine:
         geom, partner = (one, other) if bodies[one] != WORLD else (other, one)
         link = self._link_of_body[int(bodies[geom])]
         force = self._scene.get_link_net_contact_forces(self._state)[link, :3].astype(float)
-        number = sum(bodies[geom] in bodies[pair] for pair in self.touching())
+        count = sum(bodies[geom] in bodies[pair] for pair in self.touching())
         if bodies[partner] == WORLD:
             normal = self._data.geom_xmat[partner].reshape(3, 3)[:, 2]
-            return max(float(force @ normal), 0.0) / number
-        return float(np.linalg.norm(force)) / number
+            return max(float(force @ normal), 0.0) / count
+        return float(np.linalg.norm(force)) / count
 
     def diverged(self) -> bool:
         """See `Engine`."""
         return self._failed
 
-    def _kick(self) -> np.ndarray:
+    def _other_acceleration(self) -> np.ndarray:
         """Acceleration by forces that no motor applies, (nv,)."""
         model, data, force = self._model, self._data, np.zeros(self._model.nv)
         force[self._others] = self._applied[self._others]

@@ -1,4 +1,4 @@
-"""What engines other than MuJoCo read from a MuJoCo model, and compute of its state."""
+"""Functions that engines other than MuJoCo use to read a MuJoCo model and to update its state."""
 
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -14,13 +14,13 @@ HINGE, FREE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE
 
 def collidable(model: mujoco.MjModel) -> np.ndarray:
     """Which geoms may touch something, (ngeom,) bool."""
-    found = (model.geom_contype | model.geom_conaffinity) != 0
-    found[model.pair_geom1] = found[model.pair_geom2] = True
-    return found
+    mask = (model.geom_contype | model.geom_conaffinity) != 0
+    mask[model.pair_geom1] = mask[model.pair_geom2] = True
+    return mask
 
 
 def check_model(
-    engine: str, model: mujoco.MjModel, shapes: Collection[mujoco.mjtGeom], others: Mapping[str, Any]
+    engine: str, model: mujoco.MjModel, shapes: Collection[mujoco.mjtGeom], other_features: Mapping[str, Any]
 ) -> None:
     """Raise UserError if an engine would simulate another robot than MuJoCo.
 
@@ -28,19 +28,19 @@ def check_model(
         engine: its name, as in `--engine`.
         model: the bodies.
         shapes: types of geoms that it knows.
-        others: further features that it does not simulate, each with whether the model has it.
+        other_features: further features that it does not simulate, each true if the model has it.
     """
-    found = {mujoco.mjtGeom(kind) for kind in model.geom_type[collidable(model)].tolist()}
-    strange = sorted(each.name for each in found.difference(shapes))
+    types = {mujoco.mjtGeom(kind) for kind in model.geom_type[collidable(model)].tolist()}
+    unsupported = sorted(each.name for each in types.difference(shapes))
     features = {
-        f"collision geometry of type {', '.join(strange)}": strange,
+        f"collision geometry of type {', '.join(unsupported)}": unsupported,
         "joints other than hinges and a free base": set(model.jnt_type.tolist()) - {int(HINGE), int(FREE)},
         "springs in joints": model.jnt_stiffness.any(),
         "tendons or equality constraints": model.ntendon or model.neq,
-        **others,
+        **other_features,
     }
-    for feature, has in features.items():
-        if has:
+    for feature, present in features.items():
+        if present:
             raise UserError(f"--engine {engine} does not simulate {feature}: leave it out")
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from footfall.plant.engines.engine import MujocoEngine
 from footfall.terrain.ground import Ground
 
-NO_ROW = -1  # of the constraints
+NO_ROW = -1  # the contact has no row among the constraints
 
 
 class SlopedGroundEngine(MujocoEngine):
@@ -47,28 +47,31 @@ class SlopedGroundEngine(MujocoEngine):
         mujoco.mj_step2(model, data)
 
     def _correct(self) -> bool:
-        """Correct the contacts; whether there were any to correct."""
-        contacts, seen = self._data.contact, set()
-        for index, (one, other) in enumerate(self.touching()):
-            if one != self._field or other not in self._radius:  # MuJoCo orders geoms by their types
+        """Correct the contacts between spheres and the height field; returns whether there were any."""
+        contacts, corrected = self._data.contact, set()
+        for index, (first, second) in enumerate(self.touching()):
+            if first != self._field or second not in self._radius:  # MuJoCo orders geoms by their types
                 continue
             contact = contacts[index]
-            if other in seen:
+            if second in corrected:
                 contact.exclude, contact.efc_address = 1, NO_ROW
                 continue
-            seen.add(other)
-            radius = self._radius[other]
-            x, y, z = self._data.geom_xpos[other].tolist()
+            corrected.add(second)
+            radius = self._radius[second]
+            x, y, z = self._data.geom_xpos[second].tolist()
             a, b, c, gap = self._surface.nearest(x, y, z)
-            middle = 0.5 * (gap + radius)  # between the lowest point of the sphere and the surface
+            half_way = 0.5 * (gap + radius)  # between the lowest point of the sphere and the surface
             contact.dist = gap - radius
-            contact.pos[:] = x - a * middle, y - b * middle, z - c * middle
-            in_xz = math.sqrt(a * a + c * c)  # above 0, because the normal points upwards
-            along, across = (-a * b / in_xz, in_xz, -b * c / in_xz), (-c / in_xz, 0.0, a / in_xz)
-            contact.frame[:] = (a, b, c, *along, *across)
+            contact.pos[:] = x - a * half_way, y - b * half_way, z - c * half_way
+            norm_xz = math.sqrt(a * a + c * c)  # above 0, because the normal points upwards
+            tangent_1, tangent_2 = (
+                (-a * b / norm_xz, norm_xz, -b * c / norm_xz),
+                (-c / norm_xz, 0.0, a / norm_xz),
+            )
+            contact.frame[:] = (a, b, c, *tangent_1, *tangent_2)
             contact.exclude = int(contact.dist >= contact.includemargin)
             contact.efc_address = NO_ROW
-        return bool(seen)
+        return bool(corrected)
 
 
 class Surface:
@@ -82,8 +85,8 @@ class Surface:
     def nearest(self, x: float, y: float, z: float) -> tuple[float, float, float, float]:
         """The surface's unit normal at the point nearest to a point, m, and the distance along it, m.
 
-        Nearest is the point on the tangent below, which on curved ground is close to the true one. Beyond the
-        grid the ground is level.
+        The point is taken on the tangent below, which on curved ground is close to the true nearest point.
+        Beyond the grid the ground is level.
         """
         a, b, _, gap = self._plane(x, y, x, y, z)
         return self._plane(x - a * gap, y - b * gap, x, y, z)
@@ -92,9 +95,9 @@ class Surface:
         self, at_x: float, at_y: float, x: float, y: float, z: float
     ) -> tuple[float, float, float, float]:
         """Unit normal of the tangent at a position, and the distance of a point from the tangent."""
-        height, along, across = self._tangent(at_x, at_y)
-        c = 1.0 / math.sqrt(1.0 + along * along + across * across)
-        a, b = -along * c, -across * c
+        height, slope_x, slope_y = self._tangent(at_x, at_y)
+        c = 1.0 / math.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+        a, b = -slope_x * c, -slope_y * c
         return a, b, c, a * (x - at_x) + b * (y - at_y) + c * (z - height)
 
     def _tangent(self, x: float, y: float) -> tuple[float, float, float]:
@@ -104,14 +107,14 @@ class Surface:
         (low, high), (low_next, high_next) = (
             self._heights[each][column : column + 2] for each in (row, row + 1)
         )
-        here, there = low + v * (high - low), low_next + v * (high_next - low_next)
-        along = (there - here) / self._cell_m if within_x else 0.0
-        across = ((1.0 - u) * (high - low) + u * (high_next - low_next)) / self._cell_m if within_y else 0.0
-        return here + u * (there - here), along, across
+        at_row, at_next_row = low + v * (high - low), low_next + v * (high_next - low_next)
+        slope_x = (at_next_row - at_row) / self._cell_m if within_x else 0.0
+        slope_y = ((1.0 - u) * (high - low) + u * (high_next - low_next)) / self._cell_m if within_y else 0.0
+        return at_row + u * (at_next_row - at_row), slope_x, slope_y
 
     def _cell(self, position: float) -> tuple[int, float, bool]:
         """Cell along an axis, position within it, 0 to 1, and whether it is on the grid."""
-        at = (position + self._half_m) / self._cell_m
-        inside = min(max(at, 0.0), float(self._last))
-        first = min(int(inside), self._last - 1)
-        return first, inside - first, at == inside
+        cells = (position + self._half_m) / self._cell_m
+        inside = min(max(cells, 0.0), float(self._last))
+        cell = min(int(inside), self._last - 1)
+        return cell, inside - cell, cells == inside

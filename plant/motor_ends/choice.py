@@ -15,11 +15,11 @@ def open_motor_end(wiring: Wiring) -> MotorEnd:
     Raises:
         UserError: as `open_driver`, or for a user's own driver without simulated motors.
     """
-    parts = [(_opened(driver, wiring.take(joints)), joints) for driver, joints in by_driver(wiring)]
+    parts = [(_simulated_motors(driver, wiring.take(joints)), joints) for driver, joints in by_driver(wiring)]
     return parts[0][0] if len(parts) == 1 else MixedMotorEnd(parts)
 
 
-def _opened(driver: type[MotorDriver], wiring: Wiring) -> MotorEnd:
+def _simulated_motors(driver: type[MotorDriver], wiring: Wiring) -> MotorEnd:
     if not driver.motor_end:
         raise UserError(f"motor '{wiring.models[0]}' cannot be simulated: its driver names no motor_end")
     end: MotorEnd = find(driver.motor_end, "simulated motor")(wiring)

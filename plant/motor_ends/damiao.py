@@ -63,7 +63,7 @@ class DamiaoMotorEnd(PolledMotorEnd):
 
     @property
     def timeout_s(self) -> np.ndarray:
-        return timeouts([own[TIMEOUT] for own in self.registers], TIMEOUT_STEP_S)
+        return timeouts([registers[TIMEOUT] for registers in self.registers], TIMEOUT_STEP_S)
 
     def requests(self, frames: Frames) -> Requests:
         motor = self._lookup[frames.channel, frames.id & 0xFF]
@@ -83,12 +83,12 @@ class DamiaoMotorEnd(PolledMotorEnd):
             return None
         data, joints = frames.data[rows].copy(), motor[rows]
         for row, joint in zip(data, joints.tolist(), strict=True):
-            register, own = int(row[3]), self.registers[joint]
-            form = "<I" if register in WHOLE else "<f"
-            if row[2] == WRITE and register in own:
-                (own[register],) = struct.unpack(form, row[4:].tobytes())
-            value = own.get(register, 0)
-            row[4:] = np.frombuffer(struct.pack(form, int(value) if register in WHOLE else value), np.uint8)
+            register, registers = int(row[3]), self.registers[joint]
+            code = "<I" if register in WHOLE else "<f"
+            if row[2] == WRITE and register in registers:
+                (registers[register],) = struct.unpack(code, row[4:].tobytes())
+            value = registers.get(register, 0)
+            row[4:] = np.frombuffer(struct.pack(code, int(value) if register in WHOLE else value), np.uint8)
         return Frames(self._wiring.channel[joints], self._reply_id[joints], data, self._length[joints])
 
     def reply(self, motor: Motors, report: Report) -> Frames:

@@ -26,19 +26,19 @@ class MixedMotorEnd:
             self.timeout_error[joints] = end.timeout_error
             self.timeout_latches[joints] = end.timeout_latches
         self._joints = np.arange(n)
-        self._part_of, self._own = np.zeros(n, np.intp), np.zeros(n, np.intp)
+        self._part_of, self._row_in_part = np.zeros(n, np.intp), np.zeros(n, np.intp)
         for part, (_, joints) in enumerate(parts):
-            self._part_of[joints], self._own[joints] = part, np.arange(len(joints))
+            self._part_of[joints], self._row_in_part[joints] = part, np.arange(len(joints))
 
     @property
     def timeout_s(self) -> np.ndarray:
-        own = np.full(len(self._own), np.nan)
+        timeout_s = np.full(len(self._row_in_part), np.nan)
         for end, joints in self._parts:
-            own[joints] = end.timeout_s
-        return own
+            timeout_s[joints] = end.timeout_s
+        return timeout_s
 
     def requests(self, frames: Frames) -> Requests:
-        parts = [(end.requests(_for(end, frames)), joints) for end, joints in self._parts]
+        parts = [(end.requests(_receivable(end, frames)), joints) for end, joints in self._parts]
         kinds = [
             np.full(requests.values.shape[1], Request.COMMAND) if requests.kind is None else requests.kind
             for requests, _ in parts
@@ -50,7 +50,7 @@ class MixedMotorEnd:
         )
 
     def settings_replies(self, frames: Frames) -> Frames | None:
-        return _joined([end.settings_replies(_for(end, frames)) for end, _ in self._parts])
+        return _joined([end.settings_replies(_receivable(end, frames)) for end, _ in self._parts])
 
     def reply(self, motor: Motors, report: Report) -> Frames:
         """See `MotorEnd.reply`. Frames are grouped by protocol."""
@@ -58,7 +58,7 @@ class MixedMotorEnd:
         batches = []
         for part, (end, _) in enumerate(self._parts):
             rows = np.flatnonzero(self._part_of[motor] == part)
-            batches.append(end.reply(self._own[motor[rows]], report.take(rows)))
+            batches.append(end.reply(self._row_in_part[motor[rows]], report.take(rows)))
         return joined(batches)
 
     def broadcast(self, now_us: int, connected: np.ndarray, report: Report) -> Frames | None:
@@ -71,7 +71,7 @@ class MixedMotorEnd:
         )
 
 
-def _for(end: MotorEnd, frames: Frames) -> Frames:
+def _receivable(end: MotorEnd, frames: Frames) -> Frames:
     """The frames that these motors can receive: CAN FD frames only if they have a CAN FD controller."""
     return frames if takes_fd(end.filters) else frames.can_frames()
 

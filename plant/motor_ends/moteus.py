@@ -59,11 +59,11 @@ class MoteusMotorEnd(PolledMotorEnd):
                 parts = list(moteus.subframes(frames.data[row, : frames.length[row]].tobytes()))
             except ValueError:
                 continue
-            about = [each for each in parts if each.first == moteus.TORQUE_LIMIT]
-            for each in about:
+            limit_subframes = [each for each in parts if each.first == moteus.TORQUE_LIMIT]
+            for each in limit_subframes:
                 if each.kind == moteus.WRITE:
                     self.torque_limit[motor[row]] = each.values[0]
-            if any(each.kind == moteus.READ for each in about):
+            if any(each.kind == moteus.READ for each in limit_subframes):
                 joints.append(motor[row])
                 limit = struct.pack("<f", self.torque_limit[motor[row]])
                 rows.append(moteus.padded(bytes([0x2D, moteus.TORQUE_LIMIT]) + limit, 1))

@@ -45,7 +45,7 @@ class OdriveMotorEnd:
     broadcasts = True
 
     def __init__(self, wiring: Wiring) -> None:
-        """Raises UserError for a motor id that is no node id."""
+        """Raises UserError for a motor id that is not a node id."""
         n = len(wiring.motor_id)
         self.timeout_s = np.full(n, np.nan)
         self._wiring, self._lookup = wiring, odrive.node_lookup(wiring)
@@ -82,9 +82,9 @@ class OdriveMotorEnd:
         values[4] = np.select([by_torque, by_velocity], [first, second]) * self._gear[motor]
         if by_torque.all():
             return Requests(motor, values, None)
-        closes = by_velocity & (self.mode[motor] == odrive.VELOCITY_CONTROL).all(axis=1)
-        values[1] = closes * first * self._per_turn[motor]
-        values[3] = closes * self.damping[motor]
+        velocity_controlled = by_velocity & (self.mode[motor] == odrive.VELOCITY_CONTROL).all(axis=1)
+        values[1] = velocity_controlled * first * self._per_turn[motor]
+        values[3] = velocity_controlled * self.damping[motor]
         state = np.where(words[accepted, 0] == odrive.CLOSED_LOOP, Request.ENABLE, Request.DISABLE)
         kinds = [
             int(switched) if (kind := _KIND[each]) is None else int(kind)
@@ -100,33 +100,33 @@ class OdriveMotorEnd:
         for row in rows[limits[frames.data[rows[limits], 0] == 1]].tolist():
             self.current_limit[motor[row]] = odrive.floats(frames.data[[row]])[1, 0]
         rows, endpoint = rows[frames.data[rows, 0] == 0], endpoint[frames.data[rows, 0] == 0]
-        known = self._wiring.watchdog_endpoints, self._wiring.current_endpoint[:, None]
-        addressed = endpoint[:, None] == np.hstack(known)[motor[rows]]
-        rows, which = rows[addressed.any(axis=1)], addressed.argmax(axis=1)[addressed.any(axis=1)]
+        endpoints = self._wiring.watchdog_endpoints, self._wiring.current_endpoint[:, None]
+        addressed = endpoint[:, None] == np.hstack(endpoints)[motor[rows]]
+        rows, column = rows[addressed.any(axis=1)], addressed.argmax(axis=1)[addressed.any(axis=1)]
         if not rows.size:
             return None
         data, axes = frames.data[rows].copy(), motor[rows]
         data[:, 4:] = odrive.float_bytes(self.watchdog[1, axes])[:, :4]
-        data[which == 0, 4:] = 0
-        data[which == 0, 4] = self.watchdog[0, axes[which == 0]]
-        data[which == 2, 4:] = odrive.float_bytes(self.current_limit[axes[which == 2]])[:, :4]
+        data[column == 0, 4:] = 0
+        data[column == 0, 4] = self.watchdog[0, axes[column == 0]]
+        data[column == 2, 4:] = odrive.float_bytes(self.current_limit[axes[column == 2]])[:, :4]
         identifier = self._wiring.motor_id[axes] << 5 | odrive.WAS_READ
-        return Frames(self._wiring.channel[axes], identifier, data, np.where(which == 0, 5, 8))
+        return Frames(self._wiring.channel[axes], identifier, data, np.where(column == 0, 5, 8))
 
     def reply(self, motor: Motors, report: Report) -> Frames:
         """No frames: only reads are answered."""
         return no_frames()
 
     def broadcast(self, now_us: int, connected: np.ndarray, report: Report) -> Frames | None:
-        """Readings of one half of the axes in each millisecond, of the other half in the next."""
+        """Frames of this millisecond: readings of one half of the axes, and slow messages that are due."""
         n = len(connected)
         position, velocity, torque = report.values
         estimates = position / self._per_turn, velocity / self._per_turn
         at_rotor = torque / self._gear
-        half = np.flatnonzero(connected & ((now_us + 1000 * np.arange(n)) % READING_US == 0))
+        due_axes = np.flatnonzero(connected & ((now_us + 1000 * np.arange(n)) % READING_US == 0))
         batches = [
-            self._frames(odrive.ENCODER, half, odrive.float_bytes(*estimates)),
-            self._frames(odrive.TORQUES, half, odrive.float_bytes(at_rotor, at_rotor)),
+            self._frames(odrive.ENCODER, due_axes, odrive.float_bytes(*estimates)),
+            self._frames(odrive.TORQUES, due_axes, odrive.float_bytes(at_rotor, at_rotor)),
         ]
         for index, message in enumerate(_SLOW):
             phase_us = (now_us - self._stagger_us - index * 33_000) % SLOW_US

@@ -55,7 +55,7 @@ class RobstrideMotorEnd(PolledMotorEnd):
 
     @property
     def timeout_s(self) -> np.ndarray:
-        return timeouts([own[TIMEOUT] for own in self.parameters], TIMEOUT_STEP_S)
+        return timeouts([parameters[TIMEOUT] for parameters in self.parameters], TIMEOUT_STEP_S)
 
     def requests(self, frames: Frames) -> Requests:
         kind, addressee = frames.id >> 24 & 0x1F, frames.id & 0xFF
@@ -79,10 +79,10 @@ class RobstrideMotorEnd(PolledMotorEnd):
         rows = np.flatnonzero(addressed)
         data, joints = frames.data[rows].copy(), motor[rows]
         for row, joint, write in zip(data, joints.tolist(), (kind[rows] == WRITE).tolist(), strict=True):
-            parameter, own = int(row[0]) | int(row[1]) << 8, self.parameters[joint]
-            if write and parameter in own:
-                own[parameter] = parameter_value(parameter, row[4:].tobytes())
-            row[4:] = list(parameter_bytes(parameter, own.get(parameter, 0)))
+            parameter, parameters = int(row[0]) | int(row[1]) << 8, self.parameters[joint]
+            if write and parameter in parameters:
+                parameters[parameter] = parameter_value(parameter, row[4:].tobytes())
+            row[4:] = list(parameter_bytes(parameter, parameters.get(parameter, 0)))
         read = kind[rows] == READ
         if not read.any():
             return None
@@ -96,8 +96,8 @@ class RobstrideMotorEnd(PolledMotorEnd):
         words = np.vstack([codes, np.full(len(report.error), 10 * report.temperature_c)])
         code = report.error.astype(np.intp)
         reported = code >= REPORTED
-        about = self._wiring.motor_id[motor] | np.where(reported, 0, code) << 8 | report.on * RUNNING << 14
-        identifier = identifier_of(FEEDBACK, about, HOST)
+        id_data = self._wiring.motor_id[motor] | np.where(reported, 0, code) << 8 | report.on * RUNNING << 14
+        identifier = identifier_of(FEEDBACK, id_data, HOST)
         frames = Frames(self._wiring.channel[motor], identifier, payload(words), self._length[motor])
         if not reported.any():
             return frames
@@ -105,5 +105,5 @@ class RobstrideMotorEnd(PolledMotorEnd):
         word = (np.uint32(1) << (code[reported] - REPORTED).astype(np.uint32)).astype("<u4")
         data = np.zeros((len(word), 8), np.uint8)
         data[:, :4] = word.view(np.uint8).reshape(-1, 4)
-        about = self._wiring.motor_id[motor][reported]
-        return joined([faults._replace(id=identifier_of(FAULT, about, HOST), data=data), frames])
+        id_data = self._wiring.motor_id[motor][reported]
+        return joined([faults._replace(id=identifier_of(FAULT, id_data, HOST), data=data), frames])
