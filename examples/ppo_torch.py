@@ -36,9 +36,9 @@ def update(model: ActorCritic, optimizer: torch.optim.Optimizer, batch: list[tor
             distribution = model.distribution(observation)
             ratio = (distribution.log_prob(action) - old_log_prob).exp()
             advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
-            gain = torch.minimum(ratio * advantage, ratio.clamp(1 - CLIP, 1 + CLIP) * advantage)
+            surrogate = torch.minimum(ratio * advantage, ratio.clamp(1 - CLIP, 1 + CLIP) * advantage)
             value_error = (model.critic(observation) - target).square()
-            loss = (value_error - gain - ENTROPY * distribution.entropy()).mean()
+            loss = (value_error - surrogate - ENTROPY * distribution.entropy()).mean()
             optimizer.zero_grad()
             loss.backward()
             nn.utils.clip_grad_norm_(model.parameters(), 1.0)
@@ -57,20 +57,20 @@ def train(iterations: int, num_envs: int = 256, num_steps: int = 24) -> None:
             for _ in range(num_steps):
                 distribution = model.distribution(observation)
                 action = distribution.sample()
-                following, reward, terminated, truncated, info = env.step(action.numpy())
+                next_observation, reward, terminated, truncated, info = env.step(action.numpy())
                 if truncated.any():  # time limit: bootstrap with the value of the final observation
-                    last = torch.from_numpy(np.stack(info["final_obs"][truncated]))
-                    reward[truncated] += DISCOUNT * model.critic(last).numpy()
+                    final_observation = torch.from_numpy(np.stack(info["final_obs"][truncated]))
+                    reward[truncated] += DISCOUNT * model.critic(final_observation).numpy()
                 outcome = map(torch.from_numpy, (reward, ~(terminated | truncated)))
                 estimates = distribution.log_prob(action), model.critic(observation)
                 steps.append((observation, action, *estimates, *outcome))
-                observation = torch.from_numpy(following)
-            seen, actions, log_probs, values, rewards, alive = map(torch.stack, zip(*steps, strict=True))
+                observation = torch.from_numpy(next_observation)
+            observed, actions, log_probs, values, rewards, alive = map(torch.stack, zip(*steps, strict=True))
             advantages, gae, next_value = torch.zeros_like(rewards), 0.0, model.critic(observation)
             for t in reversed(range(num_steps)):
                 gae = rewards[t] - values[t] + alive[t] * DISCOUNT * (next_value + GAE_LAMBDA * gae)
                 advantages[t], next_value = gae, values[t]
-        batch = (seen, actions, log_probs, advantages, advantages + values)
+        batch = (observed, actions, log_probs, advantages, advantages + values)
         update(model, optimizer, [rows.flatten(0, 1) for rows in batch])
         print(f"iteration {iteration}: mean return {np.mean(env.return_queue or [np.nan]):.3f}", flush=True)
 

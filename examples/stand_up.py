@@ -39,8 +39,8 @@ def crouch(state: State, occasion: Occasion, *, lowest: Share = 0.5, highest: Sh
     chosen = jnp.int32(len(shares) * occasion.u[0])
     pose, height_m = poses[chosen], jnp.asarray(shares, jnp.float32)[chosen] * scene.standing_height
     qpos = state.qpos.at[scene.positions].set(pose, unique_indices=True)
-    held = state._replace(target=pose, goals=jnp.tile(pose, (len(state.goals), 1)))
-    return held._replace(qpos=scene.base.at_height(qpos, height_m))
+    crouched = state._replace(target=pose, goals=jnp.tile(pose, (len(state.goals), 1)))
+    return crouched._replace(qpos=scene.base.at_height(qpos, height_m))
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,14 @@ def faults() -> str:
     rows = [row | {"noticed": f"{row['noticed']} of {row['runs']}"} for row in rows]
     head = "".join(f"<th>{html.escape(title)}</th>" for title in FAULT_COLUMNS.values())
     body = "\n".join(
-        "<tr>" + "".join(f"<td>{html.escape(_shown(row[key]))}</td>" for key in FAULT_COLUMNS) + "</tr>"
+        "<tr>" + "".join(f"<td>{html.escape(_cell_text(row[key]))}</td>" for key in FAULT_COLUMNS) + "</tr>"
         for row in rows
     )
     table = f"<table><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody></table>"
     return f'<div id="faults" markdown="0">\n{table}\n</div>'
 
 
-def _shown(value: Any) -> str:
+def _cell_text(value: Any) -> str:
     match value:
         case None:
             return "–"

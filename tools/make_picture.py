@@ -33,7 +33,7 @@ COURSE = (  # (start time in s, shares of the largest forward, leftward and yaw 
 STRAIGHT_SHARE = 0.5  # share of the largest forward command, on ground that is not level
 PUSH_AFTER_S = 2.0
 DURATION_S = 6.0
-BEGIN = 12  # index of the first frame; before it the robot starts to walk
+FIRST_FRAME = 12  # index of the first frame that is kept: the robot starts to walk before it
 QUALITY = 55  # of WebP, 0 to 100
 
 
@@ -68,7 +68,7 @@ def main() -> None:
         sys.exit(f"{options.policy} fell: {trace.fall_reason}")
     film = films.FilmTask(options.robot, None, trace, pushes, DURATION_S, ground)
     size = options.width, round(options.width * films.HEIGHT / films.WIDTH)
-    first, *others = [Image.fromarray(frame).resize(size) for frame in films.frames(film)][BEGIN:]
+    first, *others = [Image.fromarray(frame).resize(size) for frame in films.frames(film)][FIRST_FRAME:]
     frame_ms = round(1000 / films.FRAME_RATE_HZ)
     options.out.parent.mkdir(parents=True, exist_ok=True)
     first.save(

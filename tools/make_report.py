@@ -38,8 +38,8 @@ def merge(files: Sequence[Path]) -> dict[str, dict[str, Any]]:
     for file in files:
         content = json.loads(file.read_text(encoding="utf-8"))
         for result in [content] if "scenarios" in content else content.values():
-            known = merged.setdefault(result["policy"], {**result, "scenarios": {}})
-            known["scenarios"] |= result["scenarios"]
+            merged_result = merged.setdefault(result["policy"], {**result, "scenarios": {}})
+            merged_result["scenarios"] |= result["scenarios"]
     for key in SHARED:
         if len({json.dumps(result.get(key)) for result in merged.values()}) > 1:
             raise UserError(f"the results differ in '{key}'")

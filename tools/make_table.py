@@ -15,7 +15,7 @@ from typing import Any
 
 from footfall.evaluate.figures import figures, interval_text, measured, text
 
-SELDOM = 0.05  # fall rate up to which errors and effort are shown
+MAX_FALL_RATE = 0.05  # errors and effort are shown up to this fall rate
 BEGIN, END = "<!-- comparison -->", "<!-- /comparison -->"
 
 
@@ -30,7 +30,7 @@ def table(results: Mapping[str, Any]) -> str:
     lines = ["| | " + " | ".join(policies) + " |", "| --- |" + " ---: |" * len(policies)]
     for scenario in next(iter(policies.values()))["scenarios"]:
         summaries = [part["scenarios"][scenario] for part in policies.values()]
-        often_fell = any(summary["fall_rate"] > SELDOM for summary in summaries)
+        often_fell = any(summary["fall_rate"] > MAX_FALL_RATE for summary in summaries)
         for figure in figures().values():
             if not (figure.headline and measured(figure, summaries)) or (figure.upright and often_fell):
                 continue

@@ -87,9 +87,9 @@ def _nested(hint: Any) -> tuple[type | None, str]:
         return hint, ""
     suffix = {tuple: "[]", list: "[]", dict: ".NAME"}.get(get_origin(hint), "")
     for argument in get_args(hint):
-        found, below = _nested(argument)
-        if found is not None:
-            return found, suffix + below
+        nested, inner_suffix = _nested(argument)
+        if nested is not None:
+            return nested, suffix + inner_suffix
     return None, ""
 
 
@@ -126,7 +126,7 @@ def _default(each: "Field[Any]") -> str:
 @cache
 def _comments(cls: type) -> dict[str, str]:
     """The comments beside and above each field of a dataclass, by field; base classes included."""
-    found: dict[str, str] = {}
+    comments: dict[str, str] = {}
     for base in reversed([base for base in cls.__mro__ if base.__module__.startswith("footfall.")]):
         source = textwrap.dedent(inspect.getsource(base))
         [tree] = ast.parse(source).body
@@ -140,8 +140,8 @@ def _comments(cls: type) -> dict[str, str]:
             if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
                 beside = [line for line in range(node.lineno, (node.end_lineno or 0) + 1) if line in by_line]
                 lines = beside or [*_lines_above(node.lineno, by_line)]
-                found[node.target.id] = " ".join(by_line[line][0] for line in lines)
-    return found
+                comments[node.target.id] = " ".join(by_line[line][0] for line in lines)
+    return comments
 
 
 def _lines_above(lineno: int, by_line: dict[int, tuple[str, bool]]) -> range:
@@ -178,8 +178,8 @@ def terms() -> str:
                 "| term | parameters | computes |",
                 "| --- | --- | --- |",
             ]
-        given = "; ".join(f"`{name}`: {shown(each)}" for name, each in term.parameters.items())
-        parts.append(f"| `{term.name}` | {_cell(given)} | {_cell(term.about)} |")
+        parameters = "; ".join(f"`{name}`: {shown(each)}" for name, each in term.parameters.items())
+        parts.append(f"| `{term.name}` | {_cell(parameters)} | {_cell(term.about)} |")
     return "\n".join(parts)
 
 

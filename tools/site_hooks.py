@@ -32,17 +32,17 @@ EXCLUDED = "---\nsearch:\n  exclude: true\n---\n"
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add a page for each file outside `docs/` that a page links to, and for those that these link to."""
-    waiting = [(DOCS + file.src_uri, Path(str(file.abs_src_path)).read_text("utf-8"))
+    pending = [(DOCS + file.src_uri, Path(str(file.abs_src_path)).read_text("utf-8"))
                for file in files.documentation_pages()]  # fmt: skip
     seen: set[str] = set()
-    while waiting:
-        origin, text = waiting.pop()
+    while pending:
+        origin, text = pending.pop()
         for target in _targets(origin, text) - seen:
             seen.add(target)
             content = _content(target)
             files.append(File.generated(config, _source_uri(target), content=EXCLUDED + content))
             if target.endswith(".md"):
-                waiting.append((target, content))
+                pending.append((target, content))
     return files
 
 

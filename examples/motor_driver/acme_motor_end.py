@@ -34,7 +34,9 @@ class AcmeMotorEnd(PolledMotorEnd):
         frames, motor = frames.take(motor >= 0), motor[motor >= 0]
         content = np.ascontiguousarray(frames.data).view(COMMANDED).ravel()
         values = np.array([content[name] * UNITS[name] for name in UNITS])
-        kinds = np.array([ORDERS.get(first, Request.COMMAND) for first in frames.data[:, 0].tolist()], int)
+        kinds = np.array(
+            [ORDERS.get(first_byte, Request.COMMAND) for first_byte in frames.data[:, 0].tolist()], int
+        )
         return Requests(motor, values, np.where(frames.id & ~0x7F == ORDER, kinds, Request.COMMAND))
 
     def reply(self, motor: Motors, report: Report) -> Frames:
