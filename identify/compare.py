@@ -59,7 +59,7 @@ def compare_leg(leg: FixedLeg, recording: Recording, config: FitConfig | None = 
 
 
 def _joint_residuals(problem: Problem, joint: int) -> np.ndarray:
-    """Indices of a joint's position residuals among those of a window."""
+    """Indices of a joint's position residuals among all residuals of a window."""
     rows, n = problem.windows.position.shape[1:]
     return np.arange(rows) * n + joint
 

@@ -17,7 +17,7 @@ from footfall.robots.description import Robot
 from footfall.robots.model import joint_addresses, training_model
 
 CLEAR_HZ = 25.0  # rate of the poses that are checked for contacts
-GOLDEN = 0.618034  # irrational, so that joints never move in the same way
+GOLDEN = 0.618034  # golden ratio: its multiples give the joints of a leg distinct phases
 
 
 @dataclass(frozen=True)

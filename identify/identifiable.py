@@ -35,7 +35,8 @@ def freeze_unidentifiable(problem: Problem, slope: np.ndarray, noise: float) -> 
         noise: standard deviation of the residuals.
     """
     flat = slope.reshape(-1, slope.shape[2])
-    factor: np.ndarray = np.asarray(np.linalg.qr(flat, mode="r"))  # (p, p) with the same directions
+    # R of the QR decomposition, (p, p), has the singular values and right singular vectors of `flat`.
+    factor: np.ndarray = np.asarray(np.linalg.qr(flat, mode="r"))
     rows = {each.label: row for row, each in enumerate(problem.parameters)}
     kept = list(range(len(rows)))
     frozen: dict[Parameter, Direction] = {}

@@ -2,7 +2,7 @@
 
 A datagram is an HMAC-SHA256 with a shared token as its key, followed by JSON. A sender includes the latest
 challenge that it has received, which is valid for at most three seconds, and numbers its datagrams. So
-recorded datagrams that are sent again are refused, both those of this run and those of an earlier one.
+recorded datagrams that are sent again are refused, whether they are from this run or an earlier one.
 """
 
 import math

@@ -53,7 +53,7 @@ class DelayLine(Generic[T]):
         self._newest_step += 1
 
     def delayed(self) -> T:
-        """The values that are reported now, never older than those of the last call."""
+        """The values that are reported now, never older than the values of the last call."""
         if not self._delay.varies:
             return self._moments[0]
         self._delayed_step = max(self._delayed_step, self._newest_step - self._delay.steps(self._newest_step))

@@ -28,9 +28,9 @@ class Tracking:
     heading_gain: float = 1.5  # rad/s per radian of error
     deceleration_m_s2: float = 0.4  # before corners and the end
     tolerance_m: float = 0.02  # at the end
-    tolerance_deg: float = 4.0  # likewise
-    off_path_m: float = 0.5  # farther away the mission gives up
-    blocked_s: float = 8.0  # after so long without progress it gives up, too
+    tolerance_deg: float = 4.0  # at the end
+    off_path_m: float = 0.5  # distance from the path beyond which the mission gives up
+    blocked_s: float = 8.0  # time without progress after which the mission gives up
 
     def __post_init__(self) -> None:
         require_between(self, 0.05, 10.0, "position_gain", "heading_gain", "deceleration_m_s2")

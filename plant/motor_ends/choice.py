@@ -1,4 +1,4 @@
-"""Opens the simulated motors of a robot: each driver class names those of its protocol."""
+"""Opens the simulated motors of a robot: each driver class names the simulated motors of its protocol."""
 
 from footfall.common.errors import UserError
 from footfall.common.outside import find

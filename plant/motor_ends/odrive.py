@@ -25,7 +25,7 @@ _KIND = {
     odrive.CLEAR: Request.CLEAR,
     odrive.POSITION: Request.ZERO,
     odrive.MODE: None,  # takes effect at once
-    odrive.GAINS: None,  # likewise
+    odrive.GAINS: None,  # takes effect at once
     odrive.STATE: None,  # enables or disables
 }
 

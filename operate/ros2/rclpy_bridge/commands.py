@@ -19,7 +19,7 @@ from footfall.operate.ros2.table import (
     velocity_kinds,
 )
 
-CHECK_INTERVAL_S = 1.0  # interval of checks for publishers of the other type
+CHECK_INTERVAL_S = 1.0  # interval of checks for publishers of velocities of the wrong type
 
 
 class Commands:
