@@ -17,8 +17,8 @@ class Operator:
         """`abilities`: returns the abilities of a policy of the run by its name."""
         self._name, self._inbox, self._abilities = name, inbox, abilities
         self._result = self._velocity_refusal = ""
-        self._gait = 0
-        self._height_m: float | None = None
+        self._gait = ""  # requested last; empty before a request for the current policy
+        self._height_m: float | None = None  # requested last, None before a request for the current policy
 
     @property
     def line(self) -> str:
@@ -50,13 +50,16 @@ class Operator:
         self._result = self._inbox.take_over(self._name)
 
     def next_gait(self) -> None:
-        """Request the current policy's next gait."""
-        gaits = () if (status := self._inbox.status) is None else status.offer.gaits
-        if not gaits:
+        """Request the gait after the one that was requested last, at first after the current one."""
+        gaits = [] if (status := self._inbox.status) is None else list(status.offer.gaits)
+        if status is None or not gaits:
             self._result = "this policy has one gait only"
             return
-        self._gait = (self._gait + 1) % len(gaits)
-        self._result = self._inbox.put(self._name, gait=gaits[self._gait]) or f"gait {gaits[self._gait]}"
+        latest = self._gait if self._gait in gaits else status.applied.gait
+        gait = gaits[((gaits.index(latest) if latest in gaits else 0) + 1) % len(gaits)]
+        refusal = self._inbox.put(self._name, gait=gait)
+        self._gait = self._gait if refusal else gait
+        self._result = refusal or f"gait {gait}"
 
     def next_policy(self) -> None:
         """Request the next policy of the run."""
@@ -65,16 +68,17 @@ class Operator:
             self._result = "this run has one policy only"
             return
         name = names[(names.index(status.policy) + 1) % len(names)]
-        self._gait, self._height_m = 0, None
+        self._gait, self._height_m = "", None
         self._result = self._inbox.put(self._name, policy=name) or f"policy {name}"
 
     def raise_body(self, by_m: float) -> None:
-        """Request a higher or lower body."""
+        """Request a higher or lower body than requested last, at first than now."""
         span = None if (status := self._inbox.status) is None else status.offer.settings.get(BODY_HEIGHT)
-        if span is None:
+        if status is None or span is None:
             self._result = "this policy's body height is fixed"
             return
-        height_m = (span.default if self._height_m is None else self._height_m) + by_m
+        current_m = status.applied.settings.get(BODY_HEIGHT, span.default)
+        height_m = (current_m if self._height_m is None else self._height_m) + by_m
         self._height_m = min(max(height_m, span.lowest), span.highest)
-        refused = self._inbox.put(self._name, settings={BODY_HEIGHT: self._height_m})
-        self._result = refused or f"body {self._height_m:.2f} m"
+        refusal = self._inbox.put(self._name, settings={BODY_HEIGHT: self._height_m})
+        self._result = refusal or f"body {self._height_m:.2f} m"

@@ -58,7 +58,7 @@ def test_a_gamepad_steers_with_its_dead_man_button_and_sends_nothing_when_unplug
         request = polled_until(inbox, lambda r: r.velocity[1])
         assert request.velocity.tolist() == pytest.approx([1.0, -0.3, 0.0])
         device.send((BUTTON, GAIT, 1))
-        polled_until(inbox, lambda r: r.gait == "wave")
+        polled_until(inbox, lambda r: r.gait == "trot")
         device.send((BUTTON, DEAD_MAN, 0))
         polled_until(inbox, lambda r: not r.velocity.any())
         device.send((BUTTON, DEAD_MAN, 1))

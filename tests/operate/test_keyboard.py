@@ -13,6 +13,7 @@ from footfall.common.errors import UserError
 from footfall.operate.inbox import Inbox
 from footfall.operate.keyboard import Keyboard, KeyboardConfig, steered_by_keyboard
 from footfall.operate.operator import Operator
+from footfall.policies.live_settings import Applied
 
 QUICK = KeyboardConfig(speed_share=0.5, first_s=1.0, again_s=0.1, rate_hz=100.0)
 
@@ -69,12 +70,23 @@ def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> 
         polled_until(inbox, lambda r: not r.velocity.any())
         os.write(person, b"\x00\xff\x1b[99~gr-e")
         request = polled_until(inbox, lambda r: r.velocity.any())
-        assert (request.gait, request.settings) == ("wave", {"body_height_m": pytest.approx(0.29)})
+        assert (request.gait, request.settings) == ("trot", {"body_height_m": pytest.approx(0.26)})
         assert request.velocity.tolist() == pytest.approx([0.4, 0.0, -0.32])
         assert inbox.stopped is None
         os.write(person, b"x")
         polled_until(inbox, lambda _: inbox.stopped)
     assert termios.tcgetattr(program) == before
+
+
+def test_keys_change_the_gait_from_the_one_that_the_robot_has() -> None:
+    gaits = ("trot", "ripple", "wave")
+    status = WALKING._replace(offer=WALKING.offer._replace(gaits=gaits), applied=Applied("ripple"))
+    inbox = Inbox()
+    inbox.poll(status)
+    keyboard = Keyboard(Operator("keyboard", inbox, abilities), QUICK)
+    for expected in ("wave", "trot", "ripple"):  # the second key comes before the first change is complete
+        keyboard.press(["g"], 0.0)
+        assert inbox.poll(status).gait == expected
 
 
 def test_input_that_is_not_a_terminal_is_refused() -> None:
