@@ -42,7 +42,8 @@ class GainConfig:
         require_between(self, 0.005, 0.5, "step_rad")
         require_between(self, 1.01, 4.0, "raise_by")
         require_between(self, 1.0, 100.0, "max_gain")
-        require_between(self, 0.1, 1.0, "backoff", "rings_rad")
+        require_between(self, 0.1, 0.95, "backoff")
+        require_between(self, 0.1, 1.0, "rings_rad")
         require_between(self, 0.01, 10.0, "rings_rad_s")
 
 
@@ -168,8 +169,12 @@ class GainSearch:
     def duration_s(self) -> float:
         """Duration of the longest possible search."""
         config = self._config
-        trials = 2 + 2 * math.ceil(math.log(max(config.max_gain, 1.0 / MIN_GAIN)) / math.log(config.raise_by))
-        return config.settle_s + len(self._remaining) * (trials * config.trial_s + 4 * config.settle_s)
+        raises = math.ceil(math.log(config.max_gain) / math.log(config.raise_by))
+        reductions = math.ceil(math.log(MIN_GAIN) / math.log(config.backoff))
+        raised_s = raises * config.trial_s + config.settle_s  # at most the last trial rings
+        reduced_s = (1 + reductions) * (config.trial_s + config.settle_s)  # every trial rings
+        joint_s = 3 * config.trial_s + max(raised_s, reduced_s) + raised_s  # kp, then kd
+        return config.settle_s + len(self._remaining) * joint_s
 
     @property
     def done(self) -> bool:

@@ -72,7 +72,7 @@ class Operator:
         self._result = self._inbox.put(self._name, policy=name) or f"policy {name}"
 
     def raise_body(self, by_m: float) -> None:
-        """Request a higher or lower body than requested last, at first than now."""
+        """Change the height of the body that was requested last, at first the present height."""
         span = None if (status := self._inbox.status) is None else status.offer.settings.get(BODY_HEIGHT)
         if status is None or span is None:
             self._result = "this policy's body height is fixed"

@@ -53,9 +53,9 @@ def test_a_joint_that_does_not_move_has_no_rise_time() -> None:
     assert math.isnan(response_of(TIME_S, 0.0 * TIME_S, 0.0 * TIME_S, 0.05, CONFIG).rise_s)
 
 
-def searched(rings: Callable[[Gains], bool]) -> tuple[Tuned, list[Gains]]:
+def searched(rings: Callable[[Gains], bool], config: GainConfig = CONFIG) -> tuple[Tuned, list[Gains]]:
     """The result for a joint that rings at some gains, and the gains that were tried."""
-    trials = search(CONFIG)
+    trials = search(config)
     tried = [next(trials)]
     while True:
         try:
@@ -77,6 +77,18 @@ def test_own_gains_that_ring_are_lowered() -> None:
     tuned, _ = searched(lambda gains: gains.kp > 0.6)
     assert tuned.kp_rings == pytest.approx(0.64)
     assert tuned.proposed.kp == pytest.approx(0.512)
+
+
+def test_a_run_is_long_enough_for_joints_that_ring_at_every_gain() -> None:
+    config = GainConfig(backoff=0.9)
+    _, tried = searched(lambda gains: True, config)
+    joint_s = len(tried) * (config.trial_s + config.settle_s)
+    assert GainSearch(load_robot("go1"), config, 500.0).duration_s > 3 * joint_s
+
+
+def test_a_gain_that_rings_must_be_reduced() -> None:
+    with pytest.raises(ValueError, match="backoff"):
+        GainConfig(backoff=1.0)
 
 
 def test_without_ringing_the_own_gains_stay() -> None:
