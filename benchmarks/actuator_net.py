@@ -22,7 +22,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from identification import FITTED, JUDGING, drawn, recorded
+from identification import FITTED, JUDGING, recorded, true_parameters
 from recordings.servo_leg import delay_of, servo_leg, servo_recording
 from recordings.servo_logs import SERVOS, Log, logs, problem
 from recordings.tables import table
@@ -45,43 +45,43 @@ HELD_OUT = ("kp 100", "kp 200", "kp 800", "sin_sin", "up_and_down", "sin_time_sq
 def planted(number: int, effects: bool, config: NetConfig) -> list[list[str]]:
     """Joint, and rms errors in mrad: nominal, law, net, and with `effects` the law with effects."""
     robot = load_robot("go1")
-    sample = drawn(robot, number)
+    sample = true_parameters(robot, number)
     joints = len(robot.joint_names)
     sample |= {
         "stribeck_friction": 0.3 * robot.motor.friction,
         "load_friction": np.full(joints, 0.05),
         "backlash_rad": np.full(joints, np.deg2rad(0.2)),
     }
-    with tempfile.TemporaryDirectory() as index:
-        folder = Path(index)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
         *fitted, judging = (
             recorded(robot, sample, motion, seed, folder) for seed, motion in enumerate(MOTIONS)
         )
-        leg, how = fixed_legs(robot)[0], FitConfig(explain=False)
-        plain = fit_leg(leg, fitted[:1], [judging], how)
-        (found,) = learn(robot, [plain], fitted, [judging], folder / "learned", config)
-        print(table(["joint", "nominal", "law", "net"], found.rows()), flush=True)
+        leg, fit_config = fixed_legs(robot)[0], FitConfig(explain=False)
+        plain = fit_leg(leg, fitted[:1], [judging], fit_config)
+        (learned,) = learn(robot, [plain], fitted, [judging], folder / "learned", config)
+        print(table(["joint", "nominal", "law", "net"], learned.rows()), flush=True)
         if not effects:
-            return found.rows()
-        with_effects = fit_leg(leg, fitted[:1], [judging], replace(how, effects=EFFECTS))
+            return learned.rows()
+        with_effects = fit_leg(leg, fitted[:1], [judging], replace(fit_config, effects=EFFECTS))
     values = {each.parameter: each.value for each in with_effects.estimates}
-    known = 1e3 * held_out_error(leg, fitted, [judging], values, how)
-    return [[*row, f"{each:.2f}"] for row, each in zip(found.rows(), known.tolist(), strict=True)]
+    errors_mrad = 1e3 * held_out_error(leg, fitted, [judging], values, fit_config)
+    return [[*row, f"{each:.2f}"] for row, each in zip(learned.rows(), errors_mrad.tolist(), strict=True)]
 
 
 def xl330(folder: str, held_out: str, config: NetConfig) -> list[str]:
     """The held-out name, rms errors in mrad over windows of 1 s (law, net), and the steps of the kept net."""
-    found = [log for log in logs(folder, "xl330") if _driven(log)]
-    every = problem(folder, "xl330", MODEL)
+    driven_logs = [log for log in logs(folder, "xl330") if _driven(log)]
+    windows = problem(folder, "xl330", MODEL)
     used = [
         index for index, log in enumerate(logs(folder, "xl330")) if _driven(log) and held_out not in log.name
     ]
-    numbers = every.of(used).fit()
-    value = dict(zip((each.name for each in every.numbers), numbers.tolist(), strict=True))
-    leg = servo_leg(value, found[0])
+    numbers = windows.of(used).fit()
+    value = dict(zip((each.name for each in windows.numbers), numbers.tolist(), strict=True))
+    leg = servo_leg(value, driven_logs[0])
     stall, duty = float(leg.motor.stall_torque[0]), SERVOS["xl330"].duty_per_rad
-    learning = [servo_recording(log, duty * stall) for log in found if held_out not in log.name]
-    judging = [servo_recording(log, duty * stall) for log in found if held_out in log.name]
+    learning = [servo_recording(log, duty * stall) for log in driven_logs if held_out not in log.name]
+    judging = [servo_recording(log, duty * stall) for log in driven_logs if held_out in log.name]
     bias, delay_s = np.array([-value["offset"]]), np.array([value["delay"]])
     motions = [driven_motion(leg, each, bias, delay_s, config.window_s, 1.0) for each in learning]
     trained = train_net(joined_motion(motions[:-1]), motions[-1], leg.motor, config)
@@ -95,7 +95,7 @@ def xl330(folder: str, held_out: str, config: NetConfig) -> list[str]:
 
 def _driven(log: Log) -> bool:
     """Whether the torque is on throughout."""
-    return bool((log.given[:, 1] > 0.5).all())
+    return bool((log.inputs[:, 1] > 0.5).all())
 
 
 def main() -> None:
@@ -105,9 +105,9 @@ def main() -> None:
     parser.add_argument("case", choices=("planted", "xl330"))
     parser.add_argument("--data", type=Path, help="folder of the JSON files")
     parser.add_argument("--draw", type=int, default=200, help="number of the hidden robot")
-    parser.add_argument("--hold-out", nargs="+", default=HELD_OUT, help="one after the other")
+    parser.add_argument("--hold-out", nargs="+", default=HELD_OUT, help="parts of recordings' names")
     parser.add_argument("--effects", action="store_true", help="fit the law with the planted effects, too")
-    parser.add_argument("--steps", type=int, default=300, help="of gradient descent")
+    parser.add_argument("--steps", type=int, default=300, help="steps of gradient descent")
     parser.add_argument("--seeds", type=int, default=2, help="trainings of each net")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()

@@ -26,7 +26,7 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
 GYRO_BIAS = (0.02, -0.015, 0.01)  # rad/s
-STOP_S = 3.0  # at the end of each walk
+STOP_S = 3.0  # time with a zero command, at the end of each walk
 FIRST_PUSH_S, PUSH_EVERY_S, PUSH_M_S = 3.0, 2.0, 0.6
 
 
@@ -42,8 +42,8 @@ class Walk(NamedTuple):
 
     def command(self, time_s: float) -> np.ndarray:
         """Velocity command, (3,)."""
-        ends = time_s >= self.duration_s - STOP_S
-        return np.zeros(3) if ends else np.array([self.forward_m_s, 0.0, self.yaw_rad_s])
+        stopped = time_s >= self.duration_s - STOP_S
+        return np.zeros(3) if stopped else np.array([self.forward_m_s, 0.0, self.yaw_rad_s])
 
 
 WALKS = (
@@ -89,17 +89,17 @@ def errors(walk: Walk, seed: int) -> Errors:
     tilts: list[float] = []
     yaws: list[float] = []
     by_legs: list[float] = []
-    seen_us: list[int] = []
+    tick_times_us: list[int] = []
 
     def compare(loop: ControlLoop, body: SimulatedRobot) -> None:
         if loop.state.mode not in MOVING:
             return
-        if seen_us:
+        if tick_times_us:
             plan = policy.stance() if loop.walking and tilts else None
-            estimator.update(loop.sensed, plan, 1e-6 * (loop.now_us - seen_us[-1]))
+            estimator.update(loop.sensed, plan, 1e-6 * (loop.now_us - tick_times_us[-1]))
         else:
             estimator.reset(loop.sensed)
-        seen_us.append(loop.now_us)
+        tick_times_us.append(loop.now_us)
         if loop.walking:
             found, true = loop.sensed.quaternion, body.truth().base_quaternion
             tilts.append(vertical_angle(found, true))

@@ -172,10 +172,10 @@ def answering(name: str, kind: str) -> Iterator[None]:
     """Context in which a still robot answers, in a thread or process, and interfaces lead to it."""
     near, far = socket_pairs(wiring_of(load_robot(name)).buses) if kind == PAIRS else ({}, {})
     context = multiprocessing.get_context("spawn")
-    begin: Any = context.Process if kind in OTHER_PROCESS else threading.Thread
-    event: Any = context.Event if kind in OTHER_PROCESS else threading.Event
-    ready, stop = event(), event()
-    responder = begin(target=answer, args=(name, kind, ready, stop, far), daemon=True)
+    make_worker: Any = context.Process if kind in OTHER_PROCESS else threading.Thread
+    make_event: Any = context.Event if kind in OTHER_PROCESS else threading.Event
+    ready, stop = make_event(), make_event()
+    responder = make_worker(target=answer, args=(name, kind, ready, stop, far), daemon=True)
     responder.start()
     ready.wait(START_S)
     try:
@@ -191,7 +191,7 @@ def interface_of(kind: str) -> str:
 
 
 def calibration_ms() -> float:
-    """Processor time of a loop like the control loop's work, ms: Python's arithmetic, and small arrays."""
+    """Processor time of a loop that resembles the control loop, ms: Python arithmetic and small arrays."""
     values, total = np.linspace(-1.0, 1.0, 12), 0.0
     begun = time.thread_time()
     for round_ in range(2000):
@@ -214,14 +214,13 @@ def measure(name: str, kind: str, seconds: float, rate_hz: float) -> dict[str, o
     robot = load_robot(name)
     wiring = wiring_of(robot)
     calibrations = [calibration_ms() for _ in range(3)]
-    marks: list[tuple[float, float]] = []  # time of the thread and for the bus, s: at first and now
+    marks: list[tuple[float, float]] = []  # first and latest: processor time of the thread and of the bus, s
     ticks = [0]
 
     def mark(loop: ControlLoop) -> None:
         if loop.walking:
             now = (time.thread_time() - bus.elsewhere_s, bus.spent_s - bus.elsewhere_s)
-            marks[1:] = [now] if marks else []
-            marks[:0] = [] if marks else [now]
+            marks[1:] = [now]  # in an empty list, this is the first
             ticks[0] += 1
 
     config = replace(RELAXED, joint_rate_hz=rate_hz, stand_s=0.3)

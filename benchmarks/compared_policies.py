@@ -19,12 +19,14 @@ import numpy as np
 
 FIELDS = ("fell", "lin_vel_mse", "yaw_rate_mse", "scored_s", "electrical_j", "weight_n", "distance_m")
 FIGURES = ("velocity error", "yaw-rate error", "cost of transport")
-FIRST, TRUE = "wide-first", "true"  # the policy that others continue; ranges of the hidden robot
+FIRST = "wide-first"  # condition whose policy the others continue
+TRUE = "true"  # condition that trains on the hidden robot's own ranges
 WITHOUT_PUSHES, PUSHED = "nominal", "push"
 DRAWS = 4_000
-WITHIN = (2.5, 97.5)  # percentiles of an interval
-LARGEST_TRACKING_RISE, ENERGY_RISE, LARGEST_ENERGY_RISE = 0.03, 0.005, 0.02
-PUSH_FALLS_RISE = 0.02
+INTERVAL = (2.5, 97.5)  # percentiles
+# Limits of `Difference.as_good`: largest relative rise, by the mean or by the upper end of the interval.
+MAX_TRACKING_RISE_END, MAX_ENERGY_RISE, MAX_ENERGY_RISE_END = 0.03, 0.005, 0.02
+MAX_PUSH_FALLS_RISE = 0.02  # of the share of falls
 
 Walks = dict[int, np.ndarray]  # (walks, FIELDS) of one condition and scenario, by seed
 
@@ -33,22 +35,22 @@ class Difference(NamedTuple):
     """One condition against another: relative differences of `FIGURES`, and falls."""
 
     relative: np.ndarray  # (3,)
-    within: np.ndarray  # (2, 3): lower and upper end of each interval
+    interval: np.ndarray  # (2, 3): lower and upper end for each figure
     falls: tuple[int, int]  # without pushes, of the condition and of the other
     push_falls: float  # difference of the share of falls; NaN without pushed walks
-    push_within: np.ndarray  # (2,)
+    push_interval: np.ndarray  # (2,): lower and upper end
 
     @property
     def as_good(self) -> tuple[bool, bool, bool]:
         """Whether tracking, energy and falls are at least as good, by the rule fixed for this benchmark."""
-        (velocity, yaw, energy), high = self.relative, self.within[1]
-        tracks = max(velocity, yaw) <= 0.0 and max(high[:2]) <= LARGEST_TRACKING_RISE
+        (velocity, yaw, energy), high = self.relative, self.interval[1]
+        tracks = max(velocity, yaw) <= 0.0 and max(high[:2]) <= MAX_TRACKING_RISE_END
         pushed = np.isnan(self.push_falls) or (
-            self.push_within[0] <= 0.0 and self.push_falls <= PUSH_FALLS_RISE
+            self.push_interval[0] <= 0.0 and self.push_falls <= MAX_PUSH_FALLS_RISE
         )
         return (
             bool(tracks),
-            bool(energy <= ENERGY_RISE and high[2] <= LARGEST_ENERGY_RISE),
+            bool(energy <= MAX_ENERGY_RISE and high[2] <= MAX_ENERGY_RISE_END),
             bool(self.falls[0] <= self.falls[1] and pushed),
         )
 
@@ -63,8 +65,8 @@ def read(path: Path) -> dict[str, dict[str, Walks]]:
         rows.setdefault((condition, int(seed), row["scenario"]), {})[row["index"]] = numbers
     found: dict[str, dict[str, Walks]] = {}
     for condition, seed, scenario in rows:
-        same = [found for (_, *key), found in rows.items() if key == [seed, scenario]]
-        common = sorted(set.intersection(*map(set, same)))
+        of_policies = [by_index for (_, *key), by_index in rows.items() if key == [seed, scenario]]
+        common = sorted(set.intersection(*map(set, of_policies)))
         walks = np.array([rows[condition, seed, scenario][index] for index in common])
         found.setdefault(condition, {}).setdefault(scenario, {})[seed] = walks.reshape(-1, len(FIELDS))
     return found
@@ -81,30 +83,30 @@ def figures(walks: Iterable[np.ndarray]) -> np.ndarray:
 def compare(one: dict[str, Walks], other: dict[str, Walks], draws: int = DRAWS) -> Difference:
     """One condition's walks against another's."""
     rng, seeds = np.random.default_rng(0), sorted(one[WITHOUT_PUSHES])
-    level, pushed = (one[WITHOUT_PUSHES], other[WITHOUT_PUSHES]), (one.get(PUSHED), other.get(PUSHED))
-    relative, push = [], []
+    unpushed, pushed = (one[WITHOUT_PUSHES], other[WITHOUT_PUSHES]), (one.get(PUSHED), other.get(PUSHED))
+    relative, fall_differences = [], []
     for _ in range(draws):
         chosen = rng.choice(seeds, len(seeds))
-        drawn = [(seed, _drawn(rng, level[0][seed])) for seed in chosen]
-        first, second = (figures(walks[seed][index] for seed, index in drawn) for walks in level)
+        drawn = [(seed, _draw_indices(rng, unpushed[0][seed])) for seed in chosen]
+        first, second = (figures(walks[seed][index] for seed, index in drawn) for walks in unpushed)
         relative.append(first / second - 1.0)
         if pushed[0] and pushed[1]:
-            drawn = [(seed, _drawn(rng, pushed[0][seed])) for seed in chosen]
+            drawn = [(seed, _draw_indices(rng, pushed[0][seed])) for seed in chosen]
             fallen = [_falls([walks[seed][index] for seed, index in drawn]) for walks in pushed if walks]
-            push.append(fallen[0].mean() - fallen[1].mean())
-    whole = figures(level[0].values()) / figures(level[1].values()) - 1.0
-    falls = [int(_falls(walks.values()).sum()) for walks in level]
+            fall_differences.append(fallen[0].mean() - fallen[1].mean())
+    of_all_walks = figures(unpushed[0].values()) / figures(unpushed[1].values()) - 1.0
+    falls = [int(_falls(walks.values()).sum()) for walks in unpushed]
     shares = [float(_falls(walks.values()).mean()) for walks in pushed if walks]
     return Difference(
-        whole,
-        np.percentile(relative, WITHIN, axis=0),
+        of_all_walks,
+        np.percentile(relative, INTERVAL, axis=0),
         (falls[0], falls[1]),
-        shares[0] - shares[1] if push else np.nan,
-        np.percentile(push, WITHIN) if push else np.full(2, np.nan),
+        shares[0] - shares[1] if fall_differences else np.nan,
+        np.percentile(fall_differences, INTERVAL) if fall_differences else np.full(2, np.nan),
     )
 
 
-def _drawn(rng: np.random.Generator, walks: np.ndarray) -> np.ndarray:
+def _draw_indices(rng: np.random.Generator, walks: np.ndarray) -> np.ndarray:
     return rng.integers(0, len(walks), len(walks))
 
 
@@ -115,22 +117,22 @@ def _falls(walks: Iterable[np.ndarray]) -> np.ndarray:
 def show(found: dict[str, dict[str, Walks]], pairs: Sequence[tuple[str, str]]) -> None:
     """Print a table of conditions, then one line for each pair."""
     for condition, scenarios in found.items():
-        level, pushed = scenarios[WITHOUT_PUSHES], scenarios.get(PUSHED, {})
-        numbers = "; ".join(f"{each:.4f}" for each in figures(level.values()))
+        unpushed, pushed = scenarios[WITHOUT_PUSHES], scenarios.get(PUSHED, {})
+        numbers = "; ".join(f"{each:.4f}" for each in figures(unpushed.values()))
         falls = [
-            f"{int(_falls(w.values()).sum())} of {sum(map(len, w.values()))}" for w in (level, pushed) if w
+            f"{int(_falls(w.values()).sum())} of {sum(map(len, w.values()))}" for w in (unpushed, pushed) if w
         ]
         print(f"{condition}: {numbers}; falls {', pushed '.join(falls)}")
     for one, other in pairs:
-        found_pair = compare(found[one], found[other])
+        difference = compare(found[one], found[other])
         parts = [
             f"{name} {100 * value:+.1f} [{100 * low:.1f}, {100 * high:.1f}] %"
-            for name, value, low, high in zip(FIGURES, found_pair.relative, *found_pair.within, strict=True)
+            for name, value, low, high in zip(FIGURES, difference.relative, *difference.interval, strict=True)
         ]
-        low, high = 100 * found_pair.push_within
-        parts += [f"falls {found_pair.falls[0]} against {found_pair.falls[1]}"]
-        parts += [f"pushed {100 * found_pair.push_falls:+.1f} [{low:.1f}, {high:.1f}] points"]
-        verdicts = zip(("tracking", "energy", "falls"), found_pair.as_good, strict=True)
+        low, high = 100 * difference.push_interval
+        parts += [f"falls {difference.falls[0]} against {difference.falls[1]}"]
+        parts += [f"pushed {100 * difference.push_falls:+.1f} [{low:.1f}, {high:.1f}] points"]
+        verdicts = zip(("tracking", "energy", "falls"), difference.as_good, strict=True)
         worse = [name for name, good in verdicts if not good]
         verdict = f"fails in {', '.join(worse)}" if worse else "at least as good"
         print(f"{one} against {other}: {'; '.join(parts)}: {verdict}")
@@ -151,7 +153,7 @@ def plot(found: dict[str, dict[str, Walks]], against: str, path: Path) -> None:
             difference = compare(scenarios, found[against])
             across, up = (100 * float(difference.relative[axis]) for axis in (2, 0))
             centre = (across, up)
-            reach = np.abs(100 * difference.within[:, [2, 0]] - centre)
+            reach = np.abs(100 * difference.interval[:, [2, 0]] - centre)
             colour = colours[_kind(condition)]
             style: dict[str, Any] = {"fmt": "o", "color": colour, "ms": 8, "capsize": 3, "lw": 1}
             axes.errorbar([across], [up], reach[:, 1:], reach[:, :1], **style)

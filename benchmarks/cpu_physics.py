@@ -4,9 +4,9 @@
 
 Both use the cpu preset's settings, each with its best batch size. Rounds of both alternate in one process, so
 that other load slows both alike. A figure is the median of the rounds; a ratio is that of the medians. The
-environment and PPO are first warmed up with random actions. Each round goes on from the state of the last
-one, so that episodes end and begin as in training; the share of steps that ended an episode is printed. Run
-it on a quiet machine.
+environment and PPO are first warmed up with random actions. Each round begins in the final state of the
+previous one, so that episodes end and begin as in training; the share of steps that ended an episode is
+printed. Run it on a quiet machine.
 """
 
 import argparse
@@ -70,19 +70,19 @@ def measure(rounds: dict[Any, Round], count: int) -> tuple[dict[Any, float], flo
     """Median environment steps per second of each physics, and the share of steps that ended an episode."""
     seen: dict[Any, list[float]] = {key: [] for key in rounds}
     steps_done, episodes_ended = 0, 0.0
-    for one in rounds.values():
-        one()  # compiles
+    for run_round in rounds.values():
+        run_round()  # compiles
     for _ in range(count):
-        for key, one in rounds.items():
+        for key, run_round in rounds.items():
             began = time.perf_counter()
-            steps, ended = one()
+            steps, ended = run_round()
             seen[key].append(steps / (time.perf_counter() - began))
             steps_done, episodes_ended = steps_done + steps, episodes_ended + ended
     return {key: statistics.median(rates) for key, rates in seen.items()}, episodes_ended / steps_done
 
 
 def continued_rounds(advance: Callable[[Any], tuple[Any, Any]], state: Any, steps: int, batch: int) -> Round:
-    """A function that runs one round from the state in which the last one ended; a warm-up comes first.
+    """A function that runs one round from the final state of the previous one; a warm-up comes first.
 
     Args:
         advance: function of a state that returns the next state and the number of episodes that ended.
@@ -91,14 +91,14 @@ def continued_rounds(advance: Callable[[Any], tuple[Any, Any]], state: Any, step
         batch: number of robots.
     """
 
-    def go() -> tuple[int, float]:
+    def run_round() -> tuple[int, float]:
         nonlocal state
         state, ended = jax.block_until_ready(advance(state))
         return steps, float(ended)
 
     for _ in range(math.ceil(WARM_UP * batch / steps)):
-        go()
-    return go
+        run_round()
+    return run_round
 
 
 def with_physics(preset: TrainConfig, physics: Any) -> TrainConfig:
@@ -112,12 +112,12 @@ def physics_alone(config: TrainConfig, batch: int, calls: int = 20) -> Round:
     simulate = jax.vmap(ENGINES[config.env.physics](model, ROBOT))
     state, _ = begin(LocomotionEnv(ROBOT, config.env), batch)
 
-    def each(values: np.ndarray) -> jax.Array:
+    def batched(values: np.ndarray) -> jax.Array:
         return jnp.tile(jnp.asarray(values, jnp.float32), (batch, 1))
 
     target = jnp.repeat(state.target[:, None], substeps, axis=1)
     bias = jnp.zeros_like(state.target)
-    drive = Drive(target, each(ROBOT.kp), each(ROBOT.kd), jax.tree.map(each, ROBOT.motor), bias)
+    drive = Drive(target, batched(ROBOT.kp), batched(ROBOT.kd), jax.tree.map(batched, ROBOT.motor), bias)
 
     @jax.jit
     def roll_out(motion: Motion) -> Motion:
@@ -126,11 +126,11 @@ def physics_alone(config: TrainConfig, batch: int, calls: int = 20) -> Round:
 
     motion = Motion(state.qpos, state.qvel, state.qacc_warmstart)
 
-    def go() -> tuple[int, float]:
+    def run_round() -> tuple[int, float]:
         jax.block_until_ready(roll_out(motion))
         return batch * calls, 0.0
 
-    return go
+    return run_round
 
 
 def environment(config: TrainConfig, batch: int, calls: int = 20) -> Round:

@@ -1,11 +1,11 @@
-"""Impact of a fall: damped only, as by the loop, or with legs that fold on the way to the ground.
+"""Impact of a falling robot: with damping only, as in the loop, or with legs that fold while it falls.
 
     python benchmarks/falling.py trot --robot go1 --falls 6
     python benchmarks/falling.py tripod --robot hexapod --falls 4 --push 3 5
 
 A randomised robot that walks is pushed over. From the mode FALLING on, the largest contact force on any part
 except the feet is recorded, relative to the weight, and the largest torque, relative to the motor's peak.
-Folding moves the legs to the lying pose with a share of the stiffness. All alternatives have the same falls.
+Folding moves the legs to the lying pose with a share of the stiffness. All alternatives get the same pushes.
 """
 
 import argparse
@@ -61,26 +61,26 @@ class Watch:
 @contextmanager
 def folding(robot: Robot, share: float | None, kd: float) -> Iterator[None]:
     """A loop that moves to the lying pose in FALLING instead of damping only; None changes nothing."""
-    frames, zero = ModeActions.frames, np.zeros(len(robot.joint_names))
+    original, zero = ModeActions.frames, np.zeros(len(robot.joint_names))
     pose = robot.lying_pose if robot.lying_pose is not None else robot.default_pose
 
-    def folds(self: ModeActions, state: State, now_us: int) -> object:
+    def frames_that_fold(self: ModeActions, state: State, now_us: int) -> object:
         if state.mode is not Mode.FALLING or share is None:
-            return frames(self, state, now_us)
+            return original(self, state, now_us)
         return self._joints.command(JointCommand(pose, zero, share * robot.kp, zero + kd, zero))
 
-    ModeActions.frames = folds  # type: ignore[method-assign,assignment]
+    ModeActions.frames = frames_that_fold  # type: ignore[method-assign,assignment]
     try:
         yield
     finally:
-        ModeActions.frames = frames  # type: ignore[method-assign]
+        ModeActions.frames = original  # type: ignore[method-assign]
 
 
 def fall(robot: Robot, policy: str, seed: int, push_m_s: tuple[float, float], share: float | None) -> Watch:
     """One push, and the fall if the robot falls."""
     rng, watch = np.random.default_rng(seed), Watch(robot)
     angle, speed, at_s = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(*push_m_s), rng.uniform(*PUSHED_S)
-    loop = deploy_config(robot)
+    config = deploy_config(robot)
     bodies = plant_model(robot).nbody - 1
     command = np.array([0.5 * robot.description.commands.forward_m_s[1], 0.0, 0.0])
     episode = Episode(
@@ -91,9 +91,9 @@ def fall(robot: Robot, policy: str, seed: int, push_m_s: tuple[float, float], sh
         noise=load_scenarios(robot).noise,
         pushes=(Push(at_s, (speed * np.cos(angle), speed * np.sin(angle), 0.0)),),
         record=False,
-        config=replace(loop, safety=replace(loop.safety, damping_s=WATCHED_S)),
+        config=replace(config, safety=replace(config.safety, damping_s=WATCHED_S)),
     )
-    with folding(robot, share, loop.safety.damping_kd):
+    with folding(robot, share, config.safety.damping_kd):
         run_episode(robot, load_policy(policy, robot), episode, watch)
     return watch
 
@@ -117,8 +117,8 @@ def main() -> None:
             print(f"{len(rows)}: " + ", ".join(f"{impact:.1f}" for impact, _ in rows[-1]), flush=True)
     for name, values in zip(SHARES, np.array(rows).transpose(1, 2, 0), strict=True):
         impact, torque = values
-        middle = np.median(impact)
-        print(f"{name:22} impact {impact.mean():5.1f} (median {middle:5.1f}), torque {torque.mean():.2f}")
+        median = np.median(impact)
+        print(f"{name:22} impact {impact.mean():5.1f} (median {median:5.1f}), torque {torque.mean():.2f}")
 
 
 if __name__ == "__main__":

@@ -142,12 +142,12 @@ def run(kind: TimingFault, seed: int, rate_hz: float) -> dict[str, Any]:
     policy, watch = InjectingPolicy(load_policy(POLICY, robot)), Watch(kind, body, is_damping)
     bus.watch = watch.sent
 
-    def decided(decision: JointCommand) -> JointCommand:
+    def delayed(decision: JointCommand) -> JointCommand:
         if watch.delay is not None:
             watch.delay.step()
         return decision
 
-    policy.change_decision = decided
+    policy.change_decision = delayed
     session = Session(command_source=lambda _: COMMAND, duration_s=20.0, realtime=True, config=config)
     outcome = run_session(robot, policy, bus, session, watch.tick)
     return {
@@ -195,18 +195,18 @@ def row(kind: TimingFault, runs: list[dict[str, Any]]) -> str:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--rate", type=float, default=500.0, help="of the joint loop, Hz")
+    parser.add_argument("--rate", type=float, default=500.0, help="rate of the joint loop, Hz")
     options = parser.parse_args()
     print("| fault | noticed | safe after, ms: p50, longest (limit) | ends | fell first | message | |")
     print("| --- | ---: | ---: | --- | ---: | --- | --- |")
-    wrong, left_out = 0, 0.0
+    wrong, skipped_share = 0, 0.0
     for kind in KINDS:
         runs = [run(kind, seed, options.rate) for seed in range(options.seeds)]
         print(row(kind, runs), flush=True)
         wrong += not as_expected(kind, runs)
         if kind is KINDS[0]:
-            left_out = max(run["skipped_share"] for run in runs)
-    print(f"{left_out:.0%} of the ticks left out without a fault")
+            skipped_share = max(run["skipped_share"] for run in runs)
+    print(f"{skipped_share:.0%} of the ticks skipped without a fault")
     print(f"{len(KINDS)} rows, {wrong} not as expected")
     return 1 if wrong else 0
 

@@ -27,10 +27,10 @@ def rows(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     found = []
     for subject in SUBJECTS:
         for kind in KINDS:
-            of = [run for run in runs if _subject(run) == subject and run["kind"] == title_of(kind)]
-            of = [run for run in of if run.get("came", True)]
-            if of:
-                found.append(_row(subject, kind, of))
+            of_kind = [run for run in runs if _subject(run) == subject and run["kind"] == title_of(kind)]
+            injected = [run for run in of_kind if run.get("came", True)]
+            if injected:
+                found.append(_row(subject, kind, injected))
     return found
 
 
@@ -79,8 +79,8 @@ def table(found: Sequence[dict[str, Any]], healthy: Sequence[dict[str, Any]]) ->
     """Content of docs/faults.json: rows of faults, and counts of runs without one; a row a line."""
     parts = {"healthy": _healthy_rows(healthy), "rows": [_published(row) for row in found]}
     blocks = [
-        f'"{name}": [\n' + ",\n".join(json.dumps(row, ensure_ascii=False) for row in of) + "\n]"
-        for name, of in parts.items()
+        f'"{name}": [\n' + ",\n".join(json.dumps(row, ensure_ascii=False) for row in part) + "\n]"
+        for name, part in parts.items()
     ]
     return "{\n" + ",\n".join(blocks) + "\n}\n"
 
@@ -89,17 +89,17 @@ def _healthy_rows(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     rows = []
     for subject in SUBJECTS:
         for kind in HEALTHY:
-            of = [run for run in runs if _subject(run) == subject and run["kind"] == kind]
-            if of:
+            of_kind = [run for run in runs if _subject(run) == subject and run["kind"] == kind]
+            if of_kind:
                 rows.append(
                     {
                         "policy": subject.policy,
                         "robot": subject.robot,
                         "ground": subject.ground or "level",
                         "kind": kind,
-                        "runs": len(of),
-                        "false_alarms": sum(bool(run["alarm"]) for run in of),
-                        "fell": sum(run["fell"] for run in of),
+                        "runs": len(of_kind),
+                        "false_alarms": sum(bool(run["alarm"]) for run in of_kind),
+                        "fell": sum(run["fell"] for run in of_kind),
                     }
                 )
     return rows

@@ -96,10 +96,10 @@ class Watch:
         self.safe_us: int | None = None  # time at which the robot was damped, or began to lie down
         self.fault = ""  # the supervisor's message at that time
         self.fell = False
-        self._look_us, self._down_s = 0, 0.0
+        self._next_check_us, self._down_s = 0, 0.0
         injector.bus.watch = self._audit_frames
 
-    def _down(self, mode: Mode) -> bool:
+    def _has_fallen(self, mode: Mode) -> bool:
         """Whether the robot has fallen. A robot that lies before it stands up has not."""
         body = self._injector.body
         if self._kind.lying and mode not in DECIDING:
@@ -141,9 +141,9 @@ class Watch:
             if self.safe_us is None and not self.ended:
                 self.safe_us, self.fault = now_us, loop.state.faults[-1] if loop.state.faults else ""
             return
-        if mode in (Mode.CHECKING, *MOVING) and now_us >= self._look_us:
-            self._look_us = now_us + round(FALL_CHECK_S * 1e6)
-            self._down_s = self._down_s + FALL_CHECK_S if self._down(mode) else 0.0
+        if mode in (Mode.CHECKING, *MOVING) and now_us >= self._next_check_us:
+            self._next_check_us = now_us + round(FALL_CHECK_S * 1e6)
+            self._down_s = self._down_s + FALL_CHECK_S if self._has_fallen(mode) else 0.0
             self.fell = self.fell or self._down_s >= DOWN_S
         if self._kind.wiring and mode not in DECIDING:
             return

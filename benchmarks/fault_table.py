@@ -78,14 +78,14 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
         for subject in chosen
         for kind in HEALTHY
     ]
-    kept = (options.out, options.workers, options.time_limit)
-    runs, errors = run_resumable(run_fault, faults, *kept)
-    walks, more = run_resumable(run_healthy, healthy, *kept)
-    return runs, walks, [*errors, *more]
+    how = (options.out, options.workers, options.time_limit)
+    runs, errors = run_resumable(run_fault, faults, *how)
+    walks, healthy_errors = run_resumable(run_healthy, healthy, *how)
+    return runs, walks, [*errors, *healthy_errors]
 
 
 def read(path: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Runs with a fault and runs without in a file."""
+    """Runs with a fault, and runs without one, from a file."""
     runs = list(read_runs(path).values())
     return [run for run in runs if "alarm" not in run], [run for run in runs if "alarm" in run]
 
@@ -105,7 +105,9 @@ def main() -> None:
     parser.add_argument("--group", nargs="+", help="only kinds of these groups, such as wiring")
     parser.add_argument("--out", type=Path, help="file that keeps every run; those in it are not run again")
     parser.add_argument(
-        "--time-limit", type=float, help="no run begins after this many seconds, for each of both parts"
+        "--time-limit",
+        type=float,
+        help="seconds after which no run begins; counts anew for the runs without a fault",
     )
     parser.add_argument("--read", type=Path, help="make the table from these runs instead of running any")
     parser.add_argument("--json", type=Path, help="write the table's rows to this file")

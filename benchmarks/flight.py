@@ -54,7 +54,7 @@ class Result:
         return not (self.fell or self.stopped) and self.rise_m >= RISE_M and self.ahead_m >= AHEAD_M
 
 
-def one(robot_name: str, controller: str, seed: int) -> Result:
+def simulate(robot_name: str, controller: str, seed: int) -> Result:
     """Result of the randomised robot of a seed."""
     robot = load_robot(robot_name)
     jumps = controller.startswith("jump")
@@ -116,7 +116,7 @@ def main() -> None:
     )
     options = parser.parse_args()
     results = measured(
-        partial(one, options.robot, options.controller),
+        partial(simulate, options.robot, options.controller),
         range(options.seed, options.seed + options.robots),
         options.workers,
         options.out,

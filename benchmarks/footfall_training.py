@@ -30,9 +30,9 @@ def main() -> None:
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--preset", default="gpu")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--every", type=float, default=5.0, help="seconds between two that are kept")
+    parser.add_argument("--every", type=float, default=5.0, help="seconds between kept policies")
     parser.add_argument("--until", type=float, default=1e9, help="seconds after which to stop early")
-    parser.add_argument("--began", type=float, help="when its command began, seconds of the epoch")
+    parser.add_argument("--began", type=float, help="start of the command, seconds since the epoch")
     options = parser.parse_args()
     began = options.began or time.time()
     parts, config, state, compiled = prepared_training(options.robot, options.preset, {}, options.seed)
@@ -43,7 +43,7 @@ def main() -> None:
     for iteration in range(1, config.ppo.iterations + 1):
         state, _, observed = compiled(state)
         if iteration == config.ppo.iterations or iteration % 8 == 0:
-            jax.block_until_ready(state)  # so that the clock below is the training's, not the queue's
+            jax.block_until_ready(state)  # the elapsed time must include queued iterations
         elapsed = time.time() - began
         if elapsed > next_s or iteration == config.ppo.iterations:
             actor = jax.device_get((state.normalizer, state.params.policy))

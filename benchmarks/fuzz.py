@@ -85,13 +85,13 @@ def fuzz_logs(seeds: range) -> Tally:
     """Each reader of a log, on one mutated log a seed."""
     tally, policy = Tally(), load_policy(POLICY, load_robot(ROBOT))
     with tempfile.TemporaryDirectory() as folder:
-        damaged, whole = Path(folder) / "damaged.mcap", Path(folder) / "whole.mcap"
+        damaged, recovered = Path(folder) / "damaged.mcap", Path(folder) / "recovered.mcap"
         for seed in seeds:
             mutation = mutated_records if seed % 2 else mutated
             damaged.write_bytes(mutation(walk_log(), np.random.default_rng(seed)))
             tally.attempt("read", seed, lambda: read_log(damaged))
             tally.attempt("replay", seed, lambda: replay(damaged, policy))
-            tally.attempt("recover", seed, lambda: recover(damaged, whole))
+            tally.attempt("recover", seed, lambda: recover(damaged, recovered))
     return tally
 
 
@@ -102,7 +102,7 @@ def fuzz_yaml(seeds: range) -> Tally:
         copy, file = Path(folder) / ROBOT, Path(folder) / "damaged.yaml"
         shutil.copytree(robot.folder, copy)
         readers: list[tuple[str, bytes, Path, Callable[[], object]]] = [
-            ("robot", (robot.folder / "robot.yaml").read_bytes(), copy / "robot.yaml", lambda: stand(copy)),
+            ("robot", (robot.folder / "robot.yaml").read_bytes(), copy / "robot.yaml", lambda: connect(copy)),
             ("loop", LOOP.encode(), file, lambda: deploy_config(load_robot(ROBOT), file)),
             ("randomisation", RANDOMISATION.read_bytes(), file, lambda: load_randomisation(file)),
             ("scenarios", SCENARIOS.read_bytes(), file, lambda: load_scenarios(robot, file)),
@@ -122,8 +122,8 @@ def fuzz_yaml(seeds: range) -> Tally:
     return tally
 
 
-def stand(folder: Path) -> None:
-    """Read a robot and put it on its buses."""
+def connect(folder: Path) -> None:
+    """Read a robot and connect it to its buses."""
     robot = load_robot(str(folder))
     wiring = wiring_of(robot)
     SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses, 10))
@@ -136,8 +136,8 @@ def fuzz_policies(seeds: range) -> Tally:
 
     tally, robot = Tally(), load_robot(ROBOT)
     whole = (ZOO / POLICY / "policy.onnx").read_bytes()
-    none, upright, joints = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(len(robot.joint_names))
-    still = Sensed(none, none, upright, joints, joints, joints)
+    zero, upright, joints = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(len(robot.joint_names))
+    still = Sensed(zero, zero, upright, joints, joints, joints)
     inputs = PolicyInput(0.0, still, np.zeros(3), np.zeros(3), 0.3)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "damaged.onnx"

@@ -28,7 +28,7 @@ MODELS = ("", "DM4310", "RS02", "ODrive")  # of motors; "" stands for the robot'
 BATCH = 64  # frames between two commands, at least
 TICK_S, STEP_S = 0.002, 0.001  # periods of the loop and of the motors
 STEPS_A_TICK = round(TICK_S / STEP_S)
-INTRODUCED_S = 1.0  # longest time for a driver to learn its motors' settings: `start_timeout_s`
+START_TIMEOUT_S = 1.0  # for a driver to read its motors' settings and to enable them
 TORQUE_ROUNDING = 0.04  # share of peak torque: largest quantisation error of a frame, as in the fault table
 TARGET_ROUNDING_RAD = 0.0004  # one quantum of a 16-bit position over 12.5 rad in both directions
 
@@ -36,10 +36,10 @@ TARGET_ROUNDING_RAD = 0.0004  # one quantum of a 16-bit position over 12.5 rad i
 def fuzz_frames(cases: range) -> Tally:
     """Fuzz the robot's motors and other makers', with known settings or settings still to be queried."""
     tally = Tally()
-    ends = [(model, known) for model in MODELS for known in (False, True)]
-    part = range(cases.start // BATCH // len(ends), -(-cases.stop // BATCH // len(ends)))
-    for model, known in ends:
-        fuzz_motors_of(model, known, part, tally)
+    variants = [(model, known) for model in MODELS for known in (False, True)]
+    batches = range(cases.start // BATCH // len(variants), -(-cases.stop // BATCH // len(variants)))
+    for model, known in variants:
+        fuzz_motors_of(model, known, batches, tally)
     return tally
 
 
@@ -52,7 +52,7 @@ def fuzz_motors_of(model: str, known: bool, batches: range, tally: Tally) -> Non
     joints = JointLayer(robot, driver, open_imu(wiring), TICK_S)
     motors = SimulatedMotors(end, robot.motor, len(wiring.models), {}, STEP_S)
     if known:
-        introduce(robot, driver, joints, motors)
+        start(robot, driver, joints, motors)
     joints.begin_at(robot.default_pose)
     wires, decoder = Wires(wiring, driver, end), open_motor_end(wiring)
     decoder.requests(driver.query_settings())  # as the decoder of motors that receive only commands
@@ -65,11 +65,11 @@ def fuzz_motors_of(model: str, known: bool, batches: range, tally: Tally) -> Non
         tally.attempt(f"motors, {label}", batch, partial(move, motors, batch, to_motors))
 
 
-def introduce(robot: Robot, driver: Driver, joints: JointLayer, motors: SimulatedMotors) -> None:
+def start(robot: Robot, driver: Driver, joints: JointLayer, motors: SimulatedMotors) -> None:
     """Query all settings and enable all motors, as the loop does at its start."""
     readings = np.zeros((3, len(motors.enabled)))
     readings[0] = robot.default_pose
-    for tick in range(round(INTRODUCED_S / TICK_S)):
+    for tick in range(round(START_TIMEOUT_S / TICK_S)):
         frames = driver.query_settings() if driver.not_ready() else driver.enable()
         step = STEPS_A_TICK * tick
         replies = [motors.answer(step, frames, readings)]
@@ -79,7 +79,7 @@ def introduce(robot: Robot, driver: Driver, joints: JointLayer, motors: Simulate
         if not driver.not_ready() and not driver.not_enabled() and motors.enabled.all():
             return
     raise AssertionError(
-        f"after {INTRODUCED_S:g} s: {driver.not_ready() or driver.not_enabled() or 'a motor is off'}"
+        f"after {START_TIMEOUT_S:g} s: {driver.not_ready() or driver.not_enabled() or 'a motor is off'}"
     )
 
 
@@ -128,13 +128,13 @@ class Wires:
         data[~random] = flipped(data[~random], 0.1, rng)
         foreign = rng.random(BATCH) < 0.1
         identifier[foreign] = rng.integers(1 << 11, size=int(foreign.sum()))
-        far = rng.random(BATCH) < 0.02
-        identifier[far] = rng.integers(1 << 29, size=int(far.sum())) | EXTENDED
-        short = rng.random(BATCH) < 0.1
-        length[short] = rng.integers(9, size=int(short.sum()))
+        extended = rng.random(BATCH) < 0.02
+        identifier[extended] = rng.integers(1 << 29, size=int(extended.sum())) | EXTENDED
+        other_length = rng.random(BATCH) < 0.1
+        length[other_length] = rng.integers(9, size=int(other_length.sum()))
         data[np.arange(8) >= length[:, None]] = 0
-        moved = rng.random(BATCH) < 0.05
-        channel[moved] = rng.integers(self._buses, size=int(moved.sum()))
+        other_bus = rng.random(BATCH) < 0.05
+        channel[other_bus] = rng.integers(self._buses, size=int(other_bus.sum()))
         return Frames(channel, identifier, data, length)
 
 
@@ -168,11 +168,11 @@ def command_after(
         "not a command": kind is not None,
         "not finite": not np.isfinite(sent).all(),
         "outside the soft limits": bool((outside > TARGET_ROUNDING_RAD).any()),
-        "a leap": bool((np.abs(target - before) > step + TARGET_ROUNDING_RAD).any()),
+        "a jump of a target": bool((np.abs(target - before) > step + TARGET_ROUNDING_RAD).any()),
     }
     if np.isfinite(joints.joints).all():
         problems["too much torque"] = bool((excess(sent, position, velocity, robot) > TORQUE_ROUNDING).any())
-    if found := [name for name, there in problems.items() if there]:
+    if found := [name for name, occurs in problems.items() if occurs]:
         raise AssertionError(f"unsafe command: {', '.join(found)}")
 
 
@@ -184,9 +184,9 @@ def excess(sent: np.ndarray, position: np.ndarray, velocity: np.ndarray, robot: 
     motor = robot.motor
     target, target_velocity, kp, kd, torque = sent
     torque_nm = kp * (target - position) + kd * (target_velocity - velocity) + torque
-    left = motor.stall_torque * (1.0 - np.abs(velocity) / motor.no_load_speed)
+    available = motor.stall_torque * (1.0 - np.abs(velocity) / motor.no_load_speed)
     accelerates = torque_nm * velocity > 0.0
-    possible = np.where(accelerates, np.clip(left, 0.0, motor.peak_torque), motor.peak_torque)
+    possible = np.where(accelerates, np.clip(available, 0.0, motor.peak_torque), motor.peak_torque)
     return (np.abs(torque_nm) - possible) / motor.peak_torque
 
 

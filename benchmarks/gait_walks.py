@@ -23,8 +23,8 @@ from footfall.policies.controllers.walk import Walk
 from footfall.policies.registry import load_policy, walking_controllers
 from footfall.robots.description import available_robots, load_robot
 
-WAY_M = 5.0
-SHARE = 0.5  # of the robot's highest commands
+DISTANCE_M = 5.0
+COMMAND_SHARE = 0.5  # of the robot's highest commands
 WALK_TIMEOUT_S = 400.0
 
 
@@ -40,7 +40,7 @@ def walk(trial: Trial) -> dict[str, Any]:
     """One walk and its figures."""
     robot = load_robot(trial.robot)
     policy = load_policy(trial.gait, robot)
-    ahead = np.array([SHARE * robot.description.commands.forward_m_s[1], 0.0, 0.0])
+    command = np.array([COMMAND_SHARE * robot.description.commands.forward_m_s[1], 0.0, 0.0])
     start: list[float] = []
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -49,16 +49,16 @@ def walk(trial: Trial) -> dict[str, Any]:
         x = float(body.truth().base_position[0])
         if not start:
             start.append(x)
-        if x - start[0] >= WAY_M:
+        if x - start[0] >= DISTANCE_M:
             loop.finish()
 
     noise = load_scenarios(robot).noise
-    episode = Episode(lambda _: ahead, WALK_TIMEOUT_S, seed=trial.seed, noise=noise, record_rate_hz=20.0)
+    episode = Episode(lambda _: command, WALK_TIMEOUT_S, seed=trial.seed, noise=noise, record_rate_hz=20.0)
     trace = run_episode(robot, policy, episode, watch)
     yaw = np.unwrap([float(heading(quaternion)) for quaternion in trace.base_quaternion])
     displacement = heading_matrix(-yaw[0]) @ (trace.base_position[-1] - trace.base_position[0])
     height = trace.base_position[:, 2]
-    late = len(height) // 4
+    quarter = len(height) // 4
     return {
         **trial._asdict(),
         "fell": trace.fell,
@@ -68,8 +68,8 @@ def walk(trial: Trial) -> dict[str, Any]:
         "speed_m_s": float(displacement[0] / max(trace.time_s[-1], 1e-9)),
         "sideways_percent": 100.0 * float(abs(displacement[1])) / max(float(displacement[0]), 1e-9),
         "turned_deg": math.degrees(abs(yaw[-1] - yaw[0])),
-        "lowest_m": float(height[late:].min()),
-        "sunk_m": float(height[late : 2 * late].mean() - height[-late:].mean()) if late else 0.0,
+        "lowest_m": float(height[quarter:].min()),
+        "sunk_m": float(height[quarter : 2 * quarter].mean() - height[-quarter:].mean()) if quarter else 0.0,
     }
 
 
@@ -103,7 +103,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--robots", default=",".join(available_robots()))
-    parser.add_argument("--gaits", default="", help="A,B: these only, of those that each robot has")
+    parser.add_argument("--gaits", default="", help="A,B: only these gaits of each robot")
     parser.add_argument("--seeds", type=int, default=5, help="walks of each gait")
     add_options(parser)
     options = parser.parse_args()

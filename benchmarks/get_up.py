@@ -4,9 +4,9 @@
 
 Each drop: a randomised robot is pushed over. While the loop damps it, it is dropped from 0.3 m in any
 attitude, with any joint positions inside its limits, and lies for 1.5 s. Then it gets up, as with
-`deploy --recover`. It stands once, for half a second, its base is within 0.2 rad of upright and within
-15 % of the standing height, and no joint is faster than 1 rad/s. Times begin with RECOVERING; only the
-first try is measured.
+`deploy --recover`. It stands as soon as three conditions hold for half a second: its base is within 0.2 rad
+of upright, the base's height is within 15 % of the standing height, and no joint is faster than 1 rad/s.
+Times begin with RECOVERING; only the first try is measured.
 
 With `--tip` the robot is laid on its side in the air instead, for robots that no push tips over.
 
@@ -51,9 +51,9 @@ class Result:
     seed: int
     slope_rad: float = 0.0  # of the ground
     tilt_rad: float | None = None  # of the base as it lay; None if the loop damped it for another reason
-    stood_s: float | None = None  # after RECOVERING began
+    stood_s: float | None = None  # time from the start of RECOVERING until the robot stands
     ended: str = ""  # the mode after RECOVERING
-    ended_s: float | None = None  # when that began, after RECOVERING began
+    ended_s: float | None = None  # time from the start of RECOVERING to the start of that mode
     fault: str = ""  # why RECOVERING ended, unless the robot stood
     energy_j: float = 0.0  # electrical, until it stood
     torque_share: float = 0.0  # greatest, of a motor's peak torque
@@ -68,9 +68,10 @@ class Drop:
         self._robot, self._rng, self.result = robot, np.random.default_rng(seed), Result(seed)
         self._steepest_rad, self._up = slope_rad, np.array([0.0, 0.0, 1.0])  # normal of the ground
         self._tips, self._tipped = tips, False
-        self._began_s: float | None = None  # by the simulation's clock
+        # Times by the simulation's clock: start and end of RECOVERING, since when upright, previous tick.
+        self._began_s: float | None = None
+        self._ended_s: float | None = None
         self._upright_s: float | None = None
-        self._left_s: float | None = None
         self._last_s = 0.0
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
@@ -88,10 +89,10 @@ class Drop:
                 self._began_s = self._last_s = now_s
                 body.take_power()
             return
-        if self._left_s is None and mode is not Mode.RECOVERING:
-            self._left_s, found.ended, found.ended_s = now_s, str(mode), now_s - self._began_s
+        if self._ended_s is None and mode is not Mode.RECOVERING:
+            self._ended_s, found.ended, found.ended_s = now_s, str(mode), now_s - self._began_s
             found.fault = "" if mode is Mode.STANDING else loop.state.faults[-1]
-        if self._left_s is not None and (mode is not Mode.STANDING or now_s - self._left_s > AFTER_S):
+        if self._ended_s is not None and (mode is not Mode.STANDING or now_s - self._ended_s > AFTER_S):
             loop.finish(skip_lie_down=True)
             return
         self._watch(body, now_s)
@@ -107,8 +108,8 @@ class Drop:
             found.energy_j += max(body.take_power().electrical, 0.0) * (now_s - self._last_s)
         self._last_s = now_s
         height = self._up @ truth.base_position / self._robot.description.standing_height_m
-        leans = min(self._tilt(truth.base_quaternion), tilt(truth.base_quaternion))
-        is_up = leans < UPRIGHT_RAD and abs(height - 1.0) < HEIGHT_SHARE
+        tilt_rad = min(self._tilt(truth.base_quaternion), tilt(truth.base_quaternion))
+        is_up = tilt_rad < UPRIGHT_RAD and abs(height - 1.0) < HEIGHT_SHARE
         if not (is_up and fastest < SLOW_RAD_S):
             if found.stood_s is None:
                 self._upright_s = None
@@ -146,13 +147,13 @@ class Drop:
 
     def _slope(self, model: mujoco.MjModel) -> None:
         """Let the floor slope about the world's origin."""
-        steep, across = self._steepest_rad * self._rng.random(), 2.0 * np.pi * self._rng.random()
-        half = 0.5 * steep
-        turn = np.array([np.cos(half), np.sin(half) * np.cos(across), np.sin(half) * np.sin(across), 0.0])
+        slope_rad, azimuth = self._steepest_rad * self._rng.random(), 2.0 * np.pi * self._rng.random()
+        half, axis = 0.5 * slope_rad, (np.cos(azimuth), np.sin(azimuth))
+        quaternion = np.array([np.cos(half), np.sin(half) * axis[0], np.sin(half) * axis[1], 0.0])
         floors = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_bodyid == 0)
-        model.geom_quat[floors] = turn
-        model.geom_sameframe[floors] = 0  # the compiler has noted that it was level
-        self._up, self.result.slope_rad = rotation_matrix(turn)[:, 2], steep
+        model.geom_quat[floors] = quaternion
+        model.geom_sameframe[floors] = 0  # the compiled model marks the floor as level
+        self._up, self.result.slope_rad = rotation_matrix(quaternion)[:, 2], slope_rad
 
     def _tilt(self, quaternion: np.ndarray) -> float:
         """Angle between the base's z axis and the ground's normal, rad."""
@@ -207,7 +208,7 @@ def main() -> None:
     parser.add_argument("--drops", type=int, default=100)
     parser.add_argument("--slope-deg", type=float, default=0.0, help="steepest slope of the ground")
     parser.add_argument("--tip", action="store_true", help="tip the robot over instead of pushing it")
-    parser.add_argument("--within", type=float, default=4.0, help="time that counts, s")
+    parser.add_argument("--within", type=float, default=4.0, help="longest time of a success, s")
     parser.add_argument("--seed", type=int, default=4711)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", type=Path, help="file for the results of each drop")
@@ -225,8 +226,8 @@ def main() -> None:
     up = times <= options.within
     print(f"{options.policy}: {up.sum()} of {drops} stand within {options.within:g} s")
     for name, low, high in (("upright", 0.0, 0.8), ("on a side", 0.8, 2.3), ("on the back", 2.3, 3.2)):
-        kind = np.array([low <= (r.tilt_rad or 0.0) < high for r in found], dtype=bool)
-        print(f"  {name}: {(up & kind).sum()} of {kind.sum()}")
+        in_range = np.array([low <= (r.tilt_rad or 0.0) < high for r in found], dtype=bool)
+        print(f"  {name}: {(up & in_range).sum()} of {in_range.sum()}")
     print("after RECOVERING:", dict(Counter(r.ended or "nothing" for r in found)))
     for fault, count in Counter(r.fault for r in found if r.fault).most_common():
         print(f"  {count}: {fault}")

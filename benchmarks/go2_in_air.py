@@ -46,9 +46,10 @@ MODELS = {
     "kp free": ("armature", "joint_friction", "joint_damping", "kp"),
     "kp and bias free": ("armature", "joint_friction", "joint_damping", "kp", "encoder_bias"),
 }
-PROFILED = "kp as commanded"
+PROFILED = "kp as commanded"  # the model that is also fitted with each of `DELAYS_S`
 DELAYS_S = (0.0, 0.0025, 0.005, 0.0075, 0.01)
-Task = tuple[str, str, int, str, float | None]  # data, model, leg; what is free; delay, None for a free one
+# Data, model of the robot, leg, key of `MODELS`, and delay in s, None if the fit determines it.
+Task = tuple[str, str, int, str, float | None]
 
 
 @functools.cache

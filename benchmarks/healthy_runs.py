@@ -41,22 +41,19 @@ def run_healthy(task: HealthyTask) -> dict[str, Any]:
     fell_s = walk.fell_s
     if walk.fault and fell_s is None:
         fell_s = _walk(task, _beyond_falls(config)).fell_s
-    down = fell_s is not None and (walk.fault_s is None or fell_s <= walk.fault_s + FALL_S)
+    fell = fell_s is not None and (walk.fault_s is None or fell_s <= walk.fault_s + FALL_S)
     return {
         **task._asdict(),
-        "fell": down,
+        "fell": fell,
         "fell_s": fell_s,
-        "alarm": "" if down else walk.fault,
+        "alarm": "" if fell else walk.fault,
         "fault": walk.fault,
         "fault_s": walk.fault_s,
     }
 
 
 def _beyond_falls(config: DeployConfig) -> DeployConfig:
-    """The same limits, except those that a falling robot exceeds.
-
-    They are so high that no fall reaches them.
-    """
+    """The same settings, with limits of tilt and of the sensor checks that no fall reaches."""
     sensors = replace(
         config.safety.sensors, sunk=1.0, rotation_rad=math.pi, lateral_error=2.0, lift_error=2.0
     )
@@ -98,8 +95,8 @@ def _walk(task: HealthyTask, config: DeployConfig) -> Walk:
     )
     trace = run_episode(robot, policy_of(task.robot, task.policy), episode)
     fault = trace.faults[0] if trace.faults else ""
-    seen = trace.fell and trace.fall_reason != fault  # by the simulator, not by the supervisor
-    return Walk(fault, trace.walked_s if fault else None, trace.walked_s if seen else None)
+    seen_by_simulator = trace.fell and trace.fall_reason != fault  # not by the supervisor
+    return Walk(fault, trace.walked_s if fault else None, trace.walked_s if seen_by_simulator else None)
 
 
 def _nominal(robot: Robot, rng: np.random.Generator) -> Course:

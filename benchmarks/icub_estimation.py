@@ -31,7 +31,7 @@ from footfall.robots.description import Robot
 
 RECORDINGS = ("walking", "com-sinusoid")
 LEGS = slice(14, 26)  # of the recorded joints: neck, torso, arms, then left and right leg
-FIRST = 300  # samples at rest: the default pose
+REST_SAMPLES = 300  # first samples, at rest: their mean is the default pose
 SETTINGS = {  # the robot's encoders and accelerometer are accurate, its feet land with hard impacts
     "own_attitude": True,
     "filter": {
@@ -80,13 +80,13 @@ def read(folder: Path, name: str, work: Path) -> Recording:
         times = np.array(file["estimatorJointsTime"])[0]
         force = np.stack([np.array(file[key])[0] for key in ("lfForceZ", "rfForceZ")], axis=1)
     position = columns["estimatorJointsPos"][:, LEGS]
-    robot = icub(folder / "model.urdf", position[:FIRST].mean(axis=0), work)
-    turn = imu_rotation(robot).T
+    robot = icub(folder / "model.urdf", position[:REST_SAMPLES].mean(axis=0), work)
+    to_base = imu_rotation(robot).T  # for row vectors
     return Recording(
         robot,
         float(times[-1] - times[0]) / (len(times) - 1),
-        columns["imuOmega"] @ turn,
-        columns["imuAcc"] @ turn,
+        columns["imuOmega"] @ to_base,
+        columns["imuAcc"] @ to_base,
         position,
         force,
         columns["linkBasePos"],
@@ -104,14 +104,14 @@ def from_angles(roll: float, pitch: float, yaw: float) -> np.ndarray:
 def estimate(recording: Recording) -> Estimated:
     """Run attitude filter and base estimator on a recording."""
     config = structure(SETTINGS, EstimatorConfig, "SETTINGS")
-    attitudes, estimator = AttitudeEstimator(config.attitude), BaseEstimator(recording.robot, config)
+    attitude_filter, estimator = AttitudeEstimator(config.attitude), BaseEstimator(recording.robot, config)
     velocity = (
         np.diff(recording.joint_position, axis=0, prepend=recording.joint_position[:1]) / recording.period_s
     )
-    first, found = None, []
+    first, odometry = None, []
     for sample, (gyro, acceleration) in enumerate(zip(recording.gyro, recording.acceleration, strict=True)):
         elapsed_s = recording.period_s if sample else 0.0
-        attitude = attitudes.update(gyro.tolist(), acceleration.tolist(), elapsed_s)
+        attitude = attitude_filter.update(gyro.tolist(), acceleration.tolist(), elapsed_s)
         if attitude is None:
             continue
         sensed = Sensed(
@@ -128,15 +128,15 @@ def estimate(recording: Recording) -> Estimated:
             estimator.reset(sensed)
         else:
             estimator.update(sensed, None, elapsed_s)
-        found.append(estimator.odometry())
+        odometry.append(estimator.odometry())
     if first is None:
         raise SystemExit("the robot does not keep still at first: no attitude")
     return Estimated(
         first,
-        np.array([each.position for each in found]),
-        np.array([each.velocity for each in found]),
-        np.array([rotation_matrix(each.orientation) for each in found]),
-        np.unwrap([each.yaw for each in found]),
+        np.array([each.position for each in odometry]),
+        np.array([each.velocity for each in odometry]),
+        np.array([rotation_matrix(each.orientation) for each in odometry]),
+        np.unwrap([each.yaw for each in odometry]),
     )
 
 
@@ -153,26 +153,25 @@ def slope(position: np.ndarray, period_s: float) -> np.ndarray:
     return result
 
 
-def figures(recording: Recording, found: Estimated) -> dict[str, str]:
+def figures(recording: Recording, estimated: Estimated) -> dict[str, str]:
     """Errors, by name, with their units."""
-    position, rotation = recording.position[found.first :], recording.rotation[found.first :]
-    start = heading_matrix(-math.atan2(rotation[0, 1, 0], rotation[0, 0, 0]))
-    end = found.position[-1] - start @ (position[-1] - position[0])
+    position, rotation = recording.position[estimated.first :], recording.rotation[estimated.first :]
+    to_start = heading_matrix(-math.atan2(rotation[0, 1, 0], rotation[0, 0, 0]))
+    end_error = estimated.position[-1] - to_start @ (position[-1] - position[0])
     inner = slice(SLOPE, -SLOPE)
     true = slope(position, recording.period_s)
-    velocity = found.velocity[inner] - np.einsum("tji,tj->ti", rotation[inner], true)
-    tilt = np.degrees(np.linalg.norm(found.rotation[:, 2] - rotation[:, 2], axis=1))
-    moves = np.linalg.norm(true[:, :2], axis=1) > MOVING_M_S
+    velocity_error = estimated.velocity[inner] - np.einsum("tji,tj->ti", rotation[inner], true)
+    tilt_error = np.degrees(np.linalg.norm(estimated.rotation[:, 2] - rotation[:, 2], axis=1))
     yaw = np.unwrap(np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0]))
-    lasting = np.flatnonzero(moves)
-    moving = tilt[inner][lasting[0] : lasting[-1] + 1] if len(lasting) else tilt
+    moving = np.flatnonzero(np.linalg.norm(true[:, :2], axis=1) > MOVING_M_S)
+    in_motion = tilt_error[inner][moving[0] : moving[-1] + 1] if len(moving) else tilt_error
     return {
         "distance": f"{1e3 * np.linalg.norm((position[-1] - position[0])[:2]):.0f} mm",
-        "position error at the end": f"{1e3 * np.linalg.norm(end[:2]):.0f} mm",
-        "velocity RMSE x, y, z": ", ".join(f"{1e3 * rms(axis):.0f}" for axis in velocity.T) + " mm/s",
-        "tilt RMS, all / in motion": f"{rms(tilt):.2f} / {rms(moving):.2f} degrees",
-        "largest tilt error": f"{tilt.max():.1f} degrees",
-        "yaw error at the end": f"{np.degrees(found.yaw[-1] - yaw[-1] + yaw[0]):.1f} degrees",
+        "position error at the end": f"{1e3 * np.linalg.norm(end_error[:2]):.0f} mm",
+        "velocity RMSE x, y, z": ", ".join(f"{1e3 * rms(axis):.0f}" for axis in velocity_error.T) + " mm/s",
+        "tilt RMS, all / in motion": f"{rms(tilt_error):.2f} / {rms(in_motion):.2f} degrees",
+        "largest tilt error": f"{tilt_error.max():.1f} degrees",
+        "yaw error at the end": f"{np.degrees(estimated.yaw[-1] - yaw[-1] + yaw[0]):.1f} degrees",
     }
 
 

@@ -18,7 +18,7 @@ SIDES = ("l", "r")
 NAMES = tuple(f"{side}_{joint}" for side in SIDES for joint in JOINTS)
 BASE, IMU = "root_link", "root_link_imu_frame"
 HEEL_M, TOE_M, HALF_WIDTH_M = -0.05, 0.115, 0.035  # extent of a sole's skin
-BALL_M = 0.001  # radius of a corner
+BALL_M = 0.001  # radius of the sphere at each corner of a sole
 
 
 def icub(urdf: Path, pose: np.ndarray, folder: Path) -> Robot:

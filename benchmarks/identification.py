@@ -1,4 +1,4 @@
-"""Errors of identified parameters on simulated robots with known, randomised ones.
+"""Errors of identified parameters on simulated robots whose randomised parameters are known.
 
     python benchmarks/identification.py --robot go1 --draws 20 --workers 2 [--json FILE]
 
@@ -44,8 +44,8 @@ FAMILY = Randomisation(
     kd=Distribution(0.95, 1.05),
     link_mass=Distribution(0.9, 1.1),
 )
-FITTED = ExcitationConfig()
-JUDGING = ExcitationConfig(
+FITTED = ExcitationConfig()  # motion that is fitted
+JUDGING = ExcitationConfig(  # held-out motion
     amplitude_rad=0.2,
     swing_rad=0.2,
     triangle_s=2.0,
@@ -76,6 +76,7 @@ TARGETS = {
     "motor_strength x kp": Target("%", 1.0, 100.0, True),
     "link_mass": Target("%", 2.0, 100.0, True),
 }
+# Further targets: rms error of held-out motion, nominal error over it, share of covered true values.
 HELD_OUT_MRAD, OVER_NOMINAL, COVERED = 2.0, 5.0, 0.9
 
 
@@ -87,15 +88,15 @@ class Outcome:
     leg: str
     errors: dict[str, list[float]] = field(default_factory=dict)  # by quantity, in the units of `TARGETS`
     # By quantity: error / half-width of the interval.
-    off: dict[str, list[float]] = field(default_factory=dict)
+    relative_errors: dict[str, list[float]] = field(default_factory=dict)
     undetermined: list[str] = field(default_factory=list)
     held_out_mrad: list[float] = field(default_factory=list)
     nominal_mrad: list[float] = field(default_factory=list)
     misfit: list[float] = field(default_factory=list)
 
 
-def drawn(robot: Robot, number: int, family: Randomisation = FAMILY, seed: int = 32) -> Sample:
-    """The true parameters of a draw, with delays rounded to physics steps, as in the plant."""
+def true_parameters(robot: Robot, number: int, family: Randomisation = FAMILY, seed: int = 32) -> Sample:
+    """The parameters of a draw, with delays rounded to physics steps, as in the plant."""
     bodies = plant_model(robot).nbody - 1
     rng = np.random.default_rng([seed, number])
     sample = draw(family, rng.random, len(robot.joint_names), bodies)
@@ -117,13 +118,13 @@ def truth_of(
 ) -> dict[tuple[str, str], float]:
     """The draw's values by quantity and owner.
 
-    A delay is that of the commands and the time from a reading's tick, at which the plant takes it, to its
-    arrival, which the recording knows.
+    A delay is the command's delay plus the reading's: the time from the tick at which the plant takes the
+    reading to its arrival.
     """
     model = plant_model(robot)
-    way = np.mod(recording.read_s[:, leg.joints] - recording.time_s[:, None] + 1e-9, recording.period_s)
+    reading_s = np.mod(recording.read_s[:, leg.joints] - recording.time_s[:, None] + 1e-9, recording.period_s)
     found = {
-        ("delay_s", name): float(sample["action_delay_s"] + way[:, index].mean())
+        ("delay_s", name): float(sample["action_delay_s"] + reading_s[:, index].mean())
         for index, name in enumerate(leg.joint_names)
     }
     for quantity, values in sample.items():
@@ -135,10 +136,10 @@ def truth_of(
     return found
 
 
-def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str], float]) -> Outcome:
-    """A leg's fit compared with the truth."""
+def outcome_of(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str], float]) -> Outcome:
+    """Errors of a leg's fit against the truth."""
     outcome = Outcome(number, leg.name, undetermined=[each.label for each in fit.frozen])
-    errors, off = defaultdict(list), defaultdict(list)
+    errors, relative_errors = defaultdict(list), defaultdict(list)
 
     def compare(quantity: str, value: float, true: float) -> None:
         target = TARGETS.get(quantity)
@@ -148,7 +149,7 @@ def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str],
     for each in fit.estimates:
         quantity, owner = each.parameter.quantity, each.parameter.owner
         true = truth.get((quantity, owner), each.parameter.kind.nominal)
-        off[quantity].append(2.0 * (each.value - true) / (each.high - each.low))
+        relative_errors[quantity].append(2.0 * (each.value - true) / (each.high - each.low))
         offset = (
             float(leg.motor.damping[leg.joint_names.index(owner)]) if quantity == "joint_damping" else 0.0
         )
@@ -157,7 +158,7 @@ def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str],
         strength, kp = fit.value("motor_strength", name), fit.value("kp", name)
         if strength is not None and kp is not None:
             compare("motor_strength x kp", strength * kp, truth["motor_strength", name] * truth["kp", name])
-    outcome.errors, outcome.off = dict(errors), dict(off)
+    outcome.errors, outcome.relative_errors = dict(errors), dict(relative_errors)
     outcome.held_out_mrad = (1e3 * fit.held_out_rad).tolist()
     outcome.nominal_mrad = (1e3 * fit.nominal_rad).tolist()
     outcome.misfit = fit.misfit.tolist()
@@ -167,17 +168,17 @@ def judged(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str],
 def run(name: str, number: int, legs: int) -> list[Outcome]:
     """Record, fit and evaluate some legs of one draw; the next draw takes other legs."""
     robot = load_robot(name)
-    sample, all_legs = drawn(robot, number), fixed_legs(robot)
+    sample, all_legs = true_parameters(robot, number), fixed_legs(robot)
     with tempfile.TemporaryDirectory() as folder:
         fitted, judging = (
-            recorded(robot, sample, motion, 2 * number + row, Path(folder))
-            for row, motion in enumerate((FITTED, JUDGING))
+            recorded(robot, sample, motion, 2 * number + index, Path(folder))
+            for index, motion in enumerate((FITTED, JUDGING))
         )
     outcomes = []
     for index in range(legs):
         leg = all_legs[(number + index) % len(all_legs)]
         fit = fit_leg(leg, [fitted], [judging])
-        outcomes.append(judged(number, leg, fit, truth_of(robot, leg, sample, fitted)))
+        outcomes.append(outcome_of(number, leg, fit, truth_of(robot, leg, sample, fitted)))
     return outcomes
 
 
@@ -186,17 +187,18 @@ def summary(outcomes: list[Outcome]) -> dict:
     rows = {}
     for name, target in TARGETS.items():
         sizes = np.abs([each for outcome in outcomes for each in outcome.errors.get(name, [])])
-        inside = [abs(each) <= 1.0 for outcome in outcomes for each in outcome.off.get(name, [])]
+        inside = [abs(each) <= 1.0 for outcome in outcomes for each in outcome.relative_errors.get(name, [])]
         rows[name] = {
             "unit": target.unit,
             "target": target.limit,
-            "told": len(sizes),
+            "count": len(sizes),
             "median": float(np.median(sizes)) if len(sizes) else None,
             "worst": float(sizes.max(initial=0.0)),
             "within": float((sizes <= target.limit).mean()) if len(sizes) else None,
             "covered": float(np.mean(inside)) if inside else None,
         }
-    covered = [abs(each) <= 1.0 for outcome in outcomes for off in outcome.off.values() for each in off]
+    relative_errors = [values for outcome in outcomes for values in outcome.relative_errors.values()]
+    covered = [abs(each) <= 1.0 for values in relative_errors for each in values]
     held_out = np.array([each for outcome in outcomes for each in outcome.held_out_mrad])
     nominal = np.array([each for outcome in outcomes for each in outcome.nominal_mrad])
     return {
@@ -212,19 +214,19 @@ def summary(outcomes: list[Outcome]) -> dict:
 
 def show(found: dict) -> None:
     print(f"{found['legs']} legs")
-    print(f"{'quantity':20s} {'median':>8s} {'worst':>8s} {'target':>8s}  unit  within  covered  told")
+    print(f"{'quantity':20s} {'median':>8s} {'worst':>8s} {'target':>8s}  unit  within  covered  count")
     for name, row in found["quantities"].items():
-        if row["told"]:
+        if row["count"]:
             covered = "" if row["covered"] is None else f"{row['covered']:.0%}"
             print(
                 f"{name:20s} {row['median']:8.3f} {row['worst']:8.3f} {row['target']:8.1f}  {row['unit']:4s}"
-                f"  {row['within']:6.0%}  {covered:>7s}  {row['told']:4d}"
+                f"  {row['within']:6.0%}  {covered:>7s}  {row['count']:5d}"
             )
     held_out, nominal = found["held_out_mrad"], found["nominal_mrad"]
     print(
         f"held out: median {held_out['median']:.3f}, worst {held_out['worst']:.3f} mrad rms"
         f" (target {HELD_OUT_MRAD:g}); nominal: median {nominal['median']:.2f};"
-        f" least gain {found['min_gain']:.0f} (target {OVER_NOMINAL:g})"
+        f" smallest gain {found['min_gain']:.0f} (target {OVER_NOMINAL:g})"
     )
     print(f"intervals cover {found['covered']:.1%} (target {COVERED:.0%}); misfits: {found['misfits']}")
 
@@ -234,7 +236,7 @@ def main() -> None:
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--draws", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="number of the first draw")
-    parser.add_argument("--legs", type=int, default=1, help="of each draw that are fitted")
+    parser.add_argument("--legs", type=int, default=1, help="number of fitted legs of each draw")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--json", type=Path, help="file for all outcomes, written after each draw")
     options = parser.parse_args()

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from identification import FITTED, drawn
+from identification import FITTED, true_parameters
 
 from footfall.common.errors import UserError
 from footfall.common.outputs import write_json
@@ -31,7 +31,7 @@ from footfall.robots.mjcf import load_spec
 from footfall.robots.spec_edits import make_inertia_explicit
 
 WEIGHT_KG = 0.1  # at each foot
-CLAMPED, ON_A_ROPE = True, False
+CLAMPED, IN_A_SOFT_FRAME = True, False
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ CASES = {
     "backlash of 0.2 degrees": Case(lambda robot: _all(robot, "backlash_rad", np.deg2rad(0.2))),
     "gear stiffness of 400 N m/rad": Case(lambda robot: _all(robot, "gear_compliance", 1.0 / 400.0)),
     f"{WEIGHT_KG:g} kg at each foot": Case(heavy=True),
-    "base in a soft frame": Case(clamped=ON_A_ROPE),
+    "base in a soft frame": Case(clamped=IN_A_SOFT_FRAME),
 }
 
 
@@ -68,9 +68,9 @@ class Found:
     flagged: bool = False
     refused: str = ""  # reason of a refusal
     misfit: list[float] = field(default_factory=list)  # residual over noise of each joint
-    without: float = 0.0  # residual over noise, worst joint, on the windows used for trying effects
-    with_effect: dict[str, float] = field(default_factory=dict)
-    named: str | None = None
+    without: float = 0.0  # residual over noise, worst joint, on the windows on which effects are tried
+    with_effect: dict[str, float] = field(default_factory=dict)  # the same with each effect, by its name
+    named: str | None = None  # effect that the fit names
 
 
 def heavy_plant(robot: Robot, folder: Path) -> Path:
@@ -94,7 +94,7 @@ def heavy_plant(robot: Robot, folder: Path) -> Path:
 
 def run(name: str, number: int) -> Found:
     case, robot, found = CASES[name], load_robot("go1"), Found(name)
-    sample = drawn(robot, number) | case.sample(robot)
+    sample = true_parameters(robot, number) | case.sample(robot)
     with tempfile.TemporaryDirectory() as folder:
         plant = heavy_plant(robot, Path(folder)) if case.heavy else None
         log = Path(folder) / "log.mcap"
@@ -127,7 +127,7 @@ def main() -> None:
             found = done.result()
             results.append(found)
             ratios = ", ".join(f"{each:.1f}" for each in found.misfit)
-            tried = ", ".join(f"{name} {left:.1f}" for name, left in found.with_effect.items())
+            tried = ", ".join(f"{name} {ratio:.1f}" for name, ratio in found.with_effect.items())
             verdict = f"{'flagged' if found.flagged else 'fits'} ({found.refused or ratios})"
             print(f"{found.case}: {verdict}; named: {found.named or 'none'}; {tried}", flush=True)
             write_json(options.json, [asdict(each) for each in results])

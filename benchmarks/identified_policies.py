@@ -10,7 +10,7 @@ Three folders result:
 
     wide        the nominal robot, with ranges that contain every robot of `HIDDEN`
     identified  the proposal of the fit
-    true        the hidden robot's own parameters; its ranges are those from joint to joint
+    true        the hidden robot's own parameters; each range spans the values of its joints
 
 `judge` runs each policy on the hidden robot: the same commands, ground friction and pushes for all of them.
 `compared_policies.py` compares the walks that `judge --walks` writes.
@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from identification import FITTED, JUDGING, drawn, recorded, truth_of
+from identification import FITTED, JUDGING, recorded, true_parameters, truth_of
 
 from footfall.cli import main as footfall
 from footfall.common.config import unstructure
@@ -79,7 +79,7 @@ WIDE_NAME, IDENTIFIED, TRUE = "wide", "identified", "true"
 @cache
 def hidden(number: int) -> Sample:
     """The hidden robot's parameters, relative to the nominal robot."""
-    return drawn(load_robot(ROBOT), number, HIDDEN, seed=320)
+    return true_parameters(load_robot(ROBOT), number, HIDDEN, seed=320)
 
 
 def prepare(number: int, out: Path) -> None:
@@ -93,9 +93,9 @@ def prepare(number: int, out: Path) -> None:
     for leg in fixed_legs(robot):
         truth = truth_of(robot, leg, sample, fitted)
         estimates = [Estimate(Parameter(*key), value, value, value) for key, value in truth.items()]
-        nothing = np.zeros(leg.count)
-        fits.append(LegFit(leg, tuple(estimates), {}, nothing, nothing, Track(*(nothing,) * 4), nothing))
-    write_ranges(propose(robot, fits, [], out / TRUE), _from_joint_to_joint(sample))
+        zeros = np.zeros(leg.count)
+        fits.append(LegFit(leg, tuple(estimates), {}, zeros, zeros, Track(*(zeros,) * 4), zeros))
+    write_ranges(propose(robot, fits, [], out / TRUE), _ranges_over_joints(sample))
     logs = [str(out / f"{seed}.mcap") for seed in (0, 1)]
     status = footfall(
         [
@@ -108,10 +108,10 @@ def prepare(number: int, out: Path) -> None:
         Path(log).unlink()
 
 
-def _from_joint_to_joint(sample: Sample) -> Randomisation:
-    """Ranges around the folder's own robot, for quantities that its MJCF does not hold.
+def _ranges_over_joints(sample: Sample) -> Randomisation:
+    """Ranges over the values of a sample's joints.
 
-    Others are nominal.
+    Quantities that the folder's MJCF holds are nominal.
     """
     nominal = {name: Distribution(1.0, 1.0) for name in ("armature", "joint_friction", "link_mass")}
     nominal["joint_damping"] = Distribution(0.0, 0.0)
@@ -125,8 +125,8 @@ def _from_joint_to_joint(sample: Sample) -> Randomisation:
 
 def write_ranges(folder: Path, ranges: Randomisation) -> None:
     """The folder's randomisation.yaml."""
-    given = {name: value for name, value in unstructure(ranges).items() if value is not None}
-    write_text(folder / OWN_FILE, yaml.safe_dump(given))
+    declared = {name: value for name, value in unstructure(ranges).items() if value is not None}
+    write_text(folder / OWN_FILE, yaml.safe_dump(declared))
 
 
 Task = tuple[str, str, int, EpisodePlan]  # policy, robot folder, number of the hidden robot, episode
@@ -142,7 +142,7 @@ def run(task: Task) -> EpisodeMetrics:
         command_source=plan.schedule,
         duration_s=plan.duration_s,
         seed=plan.seed,
-        plant=load_robot(ROBOT).xml_path,  # the sample's differences are from this body
+        plant=load_robot(ROBOT).xml_path,  # the sample holds differences from this body
         sample=sample,
         noise=_scenarios().noise,
         pushes=plan.pushes,
@@ -223,16 +223,18 @@ def main() -> None:
     )
     parser.add_argument("--hidden", type=int, default=0, help="number of the hidden robot")
     verbs = parser.add_subparsers(dest="verb", required=True)
-    preparing = verbs.add_parser("prepare", help="record, fit and write robot folders")
-    preparing.add_argument("--out", type=Path, required=True, help="folder; it must not exist")
-    judging = verbs.add_parser("judge", help="run policies on the hidden robot")
-    judging.add_argument("policies", type=Path, nargs="+", help="run folders, named wide, identified-2, …")
-    judging.add_argument("--robots", type=Path, required=True, help="folder that `prepare` wrote")
-    judging.add_argument("--workers", type=int, default=1)
-    judging.add_argument("--json", type=Path)
-    judging.add_argument("--walks", type=Path, help="append each walk, for `compared_policies.py`")
+    prepare_parser = verbs.add_parser("prepare", help="record, fit and write robot folders")
+    prepare_parser.add_argument("--out", type=Path, required=True, help="folder; it must not exist")
+    judge_parser = verbs.add_parser("judge", help="run policies on the hidden robot")
+    judge_parser.add_argument(
+        "policies", type=Path, nargs="+", help="run folders, named wide, identified-2, …"
+    )
+    judge_parser.add_argument("--robots", type=Path, required=True, help="folder that `prepare` wrote")
+    judge_parser.add_argument("--workers", type=int, default=1)
+    judge_parser.add_argument("--json", type=Path)
+    judge_parser.add_argument("--walks", type=Path, help="append each walk, for `compared_policies.py`")
     for name, count in SCENARIOS.items():
-        judging.add_argument(f"--{name}", type=int, default=count, help=f"number of walks, {count}")
+        judge_parser.add_argument(f"--{name}", type=int, default=count, help=f"number of walks, {count}")
     options = parser.parse_args()
     if options.verb == "prepare":
         prepare(options.hidden, options.out)

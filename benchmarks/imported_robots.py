@@ -63,12 +63,12 @@ def trial(folders: dict[str, Path], task: Trial) -> dict[str, Any]:
             **entry.get("options", {}),
         )
         try:
-            made = import_robot(request)
+            imported = import_robot(request)
         except UserError as error:
             return {"robot": task.robot, "refused": str(error).replace(str(model), model.name)}
-        robot = load_robot(made.folder)
+        robot = load_robot(imported.folder)
         walks = {
-            name: [_walk(made.folder, name, task.seconds, seed) for seed in range(task.seeds)]
+            name: [_walk(imported.folder, name, task.seconds, seed) for seed in range(task.seeds)]
             for name in controllers_of(robot)
             if name in SHOWN
         }
@@ -78,7 +78,7 @@ def trial(folders: dict[str, Path], task: Trial) -> dict[str, Any]:
             "height_m": robot.description.standing_height_m,
             "frequency_hz": robot.description.gains.natural_frequency_hz,
             "feet": len(robot.description.feet),
-            "guesses": list(made.guesses),
+            "guesses": list(imported.guesses),
             "controllers": walks,
         }
 

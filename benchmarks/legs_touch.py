@@ -27,7 +27,7 @@ from footfall.robots.leg_bodies import NO_LEG
 from footfall.robots.model import read_plant
 
 SCENARIO = "nominal"
-AT_ONCE = 200  # number of episodes between two writes
+EPISODES_PER_WRITE = 200
 
 
 def main() -> None:
@@ -37,7 +37,7 @@ def main() -> None:
     )
     parser.add_argument("policy")
     parser.add_argument("--robot", default="go1")
-    parser.add_argument("--seeds", type=int, default=10, help="from 0")
+    parser.add_argument("--seeds", type=int, default=10, help="number of seeds, from 0")
     parser.add_argument("--episodes", type=int, default=100, help="episodes per seed")
     parser.add_argument("--workers", type=int)
     parser.add_argument("--out", type=Path, required=True)
@@ -52,8 +52,8 @@ def main() -> None:
         for plan in plan_episodes(SCENARIO, file.scenarios[SCENARIO], seed, options.episodes)
         if (seed, plan.index) not in done
     ]
-    for start in range(0, len(missing), AT_ONCE):
-        results = run_all(record_of, missing[start : start + AT_ONCE], options.workers)
+    for start in range(0, len(missing), EPISODES_PER_WRITE):
+        results = run_all(record_of, missing[start : start + EPISODES_PER_WRITE], options.workers)
         new = [result.value for result in results if result.value is not None]
         with options.out.open("a") as log:
             log.writelines(json.dumps(record) + "\n" for record in new)

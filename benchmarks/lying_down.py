@@ -37,7 +37,7 @@ class Watch:
         self.max_tilt = self.last_tilt = self.speed = 0.0
         # Downward speed of the base at its first contact with the ground.
         self.touched_m_s: float | None = None
-        self._sinking = 0.0
+        self._descent_m_s = 0.0
 
     def __call__(self, loop: ControlLoop, body: SimulatedRobot) -> None:
         qpos, qvel = body.data.qpos, body.data.qvel
@@ -52,8 +52,8 @@ class Watch:
             self.last_tilt = tilt(qpos[3:7])
             self.max_tilt = max(self.max_tilt, self.last_tilt)
             if self.touched_m_s is None and body.fall() == "the base touched the ground":
-                self.touched_m_s = self._sinking
-        self._sinking = -float(qvel[2])
+                self.touched_m_s = self._descent_m_s
+        self._descent_m_s = -float(qvel[2])
 
 
 def _nan_targets(command: JointCommand) -> JointCommand:
@@ -82,10 +82,10 @@ def main() -> None:
     options = parser.parse_args()
     changes = {name: float(value) for name, value in (each.split("=") for each in options.set)}
     runs = [run(options.robot, options.policy, options.speed, seed, changes) for seed in range(options.seeds)]
-    level = sum(each.last_tilt < LEVEL_RAD for each in runs)
+    on_belly = sum(each.last_tilt < LEVEL_RAD for each in runs)
     touched = [each.touched_m_s for each in runs if each.touched_m_s is not None]
     print(f"{options.policy} at {np.mean([each.speed for each in runs]):.2f} m/s, {len(runs)} runs")
-    print(f"  on the belly at the end: {level}")
+    print(f"  on the belly at the end: {on_belly}")
     print(f"  largest tilt, rad: {_spread([each.max_tilt for each in runs])}")
     print(f"  speed at contact, m/s: {_spread(touched)}")
 

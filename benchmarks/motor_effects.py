@@ -31,45 +31,45 @@ EFFECTS = {
 ENVIRONMENTS, STEPS, WALK_S, REPEATS = 512, 20, 3.0, 5
 
 
-def training(effects: bool) -> Callable[[], None]:
+def training(with_effects: bool) -> Callable[[], None]:
     """Environment steps of the preset `cpu`, compiled, without learning."""
     config = load_preset("cpu").env
-    randomisation = replace(config.randomisation, **EFFECTS) if effects else config.randomisation
+    randomisation = replace(config.randomisation, **EFFECTS) if with_effects else config.randomisation
     env = LocomotionEnv(ROBOT, replace(config, randomisation=randomisation))
-    begun = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), ENVIRONMENTS))[0]
+    start = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), ENVIRONMENTS))[0]
     action = 0.3 * jax.random.normal(jax.random.PRNGKey(1), (ENVIRONMENTS, len(ROBOT.joint_names)))
     step = jax.jit(jax.vmap(env.step))
 
-    def go() -> None:
-        state = begun
+    def run_steps() -> None:
+        state = start
         for _ in range(STEPS):
             state, _ = step(state, action)
         jax.block_until_ready(state.qpos)
 
-    return go
+    return run_steps
 
 
-def lockstep(effects: bool) -> Callable[[], None]:
+def lockstep(with_effects: bool) -> Callable[[], None]:
     """A walk of `go1-flat` on the simulated robot, over the bus."""
     bodies = plant_model(ROBOT).nbody - 1
-    family, numbers = Randomisation(**(EFFECTS if effects else {})), np.random.default_rng(0)
-    sample = draw(family, numbers.random, len(ROBOT.joint_names), bodies)
+    family, rng = Randomisation(**(EFFECTS if with_effects else {})), np.random.default_rng(0)
+    sample = draw(family, rng.random, len(ROBOT.joint_names), bodies)
     policy = load_policy("go1-flat", ROBOT)
 
-    def go() -> None:
+    def walk() -> None:
         run_episode(ROBOT, policy, Episode(lambda _: np.array([0.5, 0.0, 0.0]), WALK_S, sample=sample))
 
-    return go
+    return walk
 
 
 def main() -> None:
     for name, case in (("training", training), ("lockstep", lockstep)):
         without, with_effects = case(False), case(True)
         seconds: dict[Callable[[], None], list[float]] = {without: [], with_effects: []}
-        for go in (without, with_effects) * (REPEATS + 1):
+        for run in (without, with_effects) * (REPEATS + 1):
             began = time.process_time()
-            go()
-            seconds[go].append(time.process_time() - began)
+            run()
+            seconds[run].append(time.process_time() - began)
         ratio = median(seconds[without][1:]) / median(seconds[with_effects][1:])  # the first one compiles
         print(f"{name}: {ratio:.2f} of the rate without effects")
 

@@ -30,7 +30,7 @@ def main() -> None:
     robot = load_robot(arguments.robot)
     solve_ms: list[float] = []
     act_ms: list[float] = []
-    late = 0
+    fallbacks = 0
     began = time.perf_counter()
     for seed in range(arguments.episodes):
         rng = np.random.default_rng(seed)
@@ -41,11 +41,11 @@ def main() -> None:
         trace = run_episode(robot, policy, episode)
         solve_ms += list(policy.solve_ms)
         act_ms += list(np.ravel(trace.compute_ms))
-        late += policy.late
+        fallbacks += policy.late
     wall_s = time.perf_counter() - began
 
     simulated_s = arguments.episodes * arguments.duration
-    print(f"{len(solve_ms)} solves in {simulated_s:g} s, {late} of them by the fallback")
+    print(f"{len(solve_ms)} solves in {simulated_s:g} s, {fallbacks} of them by the fallback")
     for name, values in (("build and solve", solve_ms), ("act at the joint rate", act_ms)):
         p50, p99, worst = np.percentile(values, [50, 99, 100])
         print(f"{name:22s} p50 {p50:.3f} ms  p99 {p99:.3f} ms  max {worst:.3f} ms")

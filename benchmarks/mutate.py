@@ -46,23 +46,23 @@ def mutated_records(content: bytes, rng: np.random.Generator) -> bytes:
     writer.start("ros2", "fuzz")
     share = 10.0 ** rng.uniform(-3, 0)
     for record in StreamReader(io.BytesIO(content)).records:
-        hurt = rng.random() < share
+        damaged = rng.random() < share
         if isinstance(record, Metadata):
             values = {
-                key: mutated(value.encode(), rng).decode(errors="replace") if hurt else value
+                key: mutated(value.encode(), rng).decode(errors="replace") if damaged else value
                 for key, value in record.metadata.items()
             }
             writer.add_metadata(record.name, values)
         elif isinstance(record, Schema):
             writer.register_schema(
-                record.name, record.encoding, mutated(record.data, rng) if hurt else record.data
+                record.name, record.encoding, mutated(record.data, rng) if damaged else record.data
             )
         elif isinstance(record, Channel):
-            topic = str(rng.choice(["/policy/inputs", "/imu/data", ""])) if hurt else record.topic
-            schema = int(rng.integers(9)) if hurt else record.schema_id
+            topic = str(rng.choice(["/policy/inputs", "/imu/data", ""])) if damaged else record.topic
+            schema = int(rng.integers(9)) if damaged else record.schema_id
             writer.register_channel(topic, record.message_encoding, schema)
         elif isinstance(record, Message):
-            data = mutated(record.data, rng) if hurt else record.data
+            data = mutated(record.data, rng) if damaged else record.data
             writer.add_message(record.channel_id, record.log_time, data, record.publish_time)
         elif isinstance(record, DataEnd):
             break

@@ -38,11 +38,11 @@ from footfall.robots.model import plant_model
 
 FIRST_SEED = 1000
 RECORD_EVERY_S = 0.237  # no multiple of a gait period: errors oscillate with the stride
-SHARE = 0.5  # share of the robot's highest commands
+COMMAND_SHARE = 0.5  # share of the robot's highest commands
 SIDE_S = 3.0  # duration of one side of the rectangle
 PARTS = {"horizontal position": [0, 1], "height": [2], "yaw": [3], "horizontal velocity": [4, 5]}
 PLANTS = ("nominal", "randomised")
-GOAL = 2.0  # drift, % of the distance
+GOAL = 2.0  # largest drift, % of the distance
 LONG_ENOUGH_M = 0.5  # drift per distance is not computed for shorter paths
 
 
@@ -62,26 +62,25 @@ class Course:
     """Commands over time, (3,) each."""
 
     def __init__(self, name: str, commands: CommandRange, duration_s: float) -> None:
-        ahead, turn = SHARE * commands.forward_m_s[1], SHARE * commands.yaw_rad_s[1]
-        quarter_s = math.pi / 2 / turn
-        self.legs = {
-            "straight": [(duration_s, ahead, 0.0)],
-            "curve": [(duration_s, ahead, 0.5 * turn)],
-            "rectangle": [(SIDE_S, ahead, 0.0), (quarter_s, 0.0, turn)] * 4,
+        forward, yaw = COMMAND_SHARE * commands.forward_m_s[1], COMMAND_SHARE * commands.yaw_rad_s[1]
+        quarter_s = math.pi / 2 / yaw
+        self.parts = {
+            "straight": [(duration_s, forward, 0.0)],
+            "curve": [(duration_s, forward, 0.5 * yaw)],
+            "rectangle": [(SIDE_S, forward, 0.0), (quarter_s, 0.0, yaw)] * 4,
         }[name]
-        self.duration_s = sum(leg[0] for leg in self.legs)
+        self.duration_s = sum(part[0] for part in self.parts)
 
     def __call__(self, time_s: float) -> np.ndarray:
-        for lasts_s, ahead, turn in self.legs:
-            if time_s < lasts_s:
-                return np.array([ahead, 0.0, turn])
-            time_s -= lasts_s
+        for part_s, forward, yaw in self.parts:
+            if time_s < part_s:
+                return np.array([forward, 0.0, yaw])
+            time_s -= part_s
         return np.zeros(3)
 
 
 class EstimatorRecorder:
-    """Runs an estimator beside the loop, and records its odometry and the true pose every
-    `RECORD_EVERY_S`."""
+    """Runs an estimator beside the loop; records its odometry and the true pose every `RECORD_EVERY_S`."""
 
     def __init__(self, policy: Policy, estimator: BaseEstimator) -> None:
         self._policy, self._estimator = policy, estimator
@@ -103,28 +102,28 @@ class EstimatorRecorder:
             return
         if not self.rows:
             self._estimator.start()
-            self._from_position, quaternion = body.truth().base_position, body.truth().base_quaternion
-            self._from_yaw = float(heading(quaternion))
+            self._start_position, quaternion = body.truth().base_position, body.truth().base_quaternion
+            self._start_yaw = float(heading(quaternion))
         self._plan = self._policy.stance()
         if loop.walking_s >= self._next_record_s:
             self._next_record_s += RECORD_EVERY_S
             self._record(loop.walking_s, body)
 
     def _record(self, time_s: float, body: SimulatedRobot) -> None:
-        truth, found = body.truth(), self._estimator.odometry()
-        true_position = heading_matrix(-self._from_yaw) @ (truth.base_position - self._from_position)
-        yaw = wrap_angle(float(heading(truth.base_quaternion)) - self._from_yaw)
+        truth, odometry = body.truth(), self._estimator.odometry()
+        true_position = heading_matrix(-self._start_yaw) @ (truth.base_position - self._start_position)
+        true_yaw = wrap_angle(float(heading(truth.base_quaternion)) - self._start_yaw)
         self.rows.append(
             {
                 "time_s": time_s,
                 "true": true_position.tolist(),
-                "estimated": found.position.tolist(),
+                "estimated": odometry.position.tolist(),
                 "error": [
-                    *(found.position - true_position).tolist(),
-                    wrap_angle(found.yaw - yaw),
-                    *(found.velocity - truth.base_velocity).tolist(),
+                    *(odometry.position - true_position).tolist(),
+                    wrap_angle(odometry.yaw - true_yaw),
+                    *(odometry.velocity - truth.base_velocity).tolist(),
                 ],
-                "sigma": np.sqrt(np.diag(found.covariance)).tolist(),
+                "sigma": np.sqrt(np.diag(odometry.covariance)).tolist(),
             }
         )
 
@@ -178,18 +177,18 @@ def within_two_sigma(walks: Iterable[dict[str, Any]]) -> dict[str, float]:
 
 def summary(walks: list[dict[str, Any]]) -> dict[str, Any]:
     """Drift and covariance of some walks; those that fell or hardly moved are only counted."""
-    whole = [walk for walk in walks if not walk["fell"] and walk["drift_percent"] is not None]
-    drift = np.array([walk["drift_percent"] for walk in whole])
-    figures = {"walks": len(walks), "fell": sum(walk["fell"] for walk in walks), "counted": len(whole)}
-    if whole:
+    counted = [walk for walk in walks if not walk["fell"] and walk["drift_percent"] is not None]
+    drift = np.array([walk["drift_percent"] for walk in counted])
+    figures = {"walks": len(walks), "fell": sum(walk["fell"] for walk in walks), "counted": len(counted)}
+    if counted:
         figures |= {
             "drift_percent_median": float(np.median(drift)),
             "drift_percent_p95": float(np.percentile(drift, 95)),
             "drift_percent_max": float(drift.max()),
             "share_below_goal": float((drift <= GOAL).mean()),
-            "distance_m": float(np.mean([walk["distance_m"] for walk in whole])),
+            "distance_m": float(np.mean([walk["distance_m"] for walk in counted])),
         }
-    return {**figures, "within_two_sigma": within_two_sigma(whole)}
+    return {**figures, "within_two_sigma": within_two_sigma(counted)}
 
 
 def table(walks: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -206,7 +205,7 @@ def table(walks: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return rows
 
 
-def write(rows: list[dict[str, Any]]) -> None:
+def print_table(rows: list[dict[str, Any]]) -> None:
     """Print the table, in Markdown."""
     print(
         "| robot | policy | plant | walks (fell) | distance, m | drift: median, p95, max, % |"
@@ -236,7 +235,7 @@ def main() -> None:
     parser.add_argument(
         "--duration", type=float, default=20.0, help="duration of straight walks and curves, s"
     )
-    parser.add_argument("--scale-error", type=float, help="replaces the estimator's own")
+    parser.add_argument("--scale-error", type=float, help="replaces the estimator's setting")
     add_options(parser)
     parser.add_argument("--read", type=Path, help="file written by --out: nothing is run")
     parser.add_argument("--plot", type=Path, help="image to write")
@@ -244,15 +243,15 @@ def main() -> None:
 
     if options.read is not None and not read_runs(options.read):
         parser.error(f"{options.read} has no walks")
-    found, errors = (list(read_runs(options.read).values()), []) if options.read else run(options)
-    write(table(found))
+    walks, errors = (list(read_runs(options.read).values()), []) if options.read else run(options)
+    print_table(table(walks))
     for error in errors:
         print(error)
     if options.plot is not None:
         from odometry_plot import plot
 
         try:
-            plot(found, GOAL, options.plot)
+            plot(walks, GOAL, options.plot)
         except ValueError as error:
             parser.error(str(error))
 

@@ -88,9 +88,9 @@ class Elsewhere:
         )
         (self._folder / "main.c").write_text(source)
         (self._folder / "in").write_bytes(b"".join(array.tobytes() for array in arrays[:inputs]))
-        here = partial(subprocess.run, cwd=self._folder, check=True)
-        here([self._processor.linker, "main.c", "step.o", "-lm", "-o", "step"])
-        here([*self._processor.runner, "./step", "in", "out", str(last)])
+        run_in_folder = partial(subprocess.run, cwd=self._folder, check=True)
+        run_in_folder([self._processor.linker, "main.c", "step.o", "-lm", "-o", "step"])
+        run_in_folder([*self._processor.runner, "./step", "in", "out", str(last)])
         written = (self._folder / "out").read_bytes()
         for array in arrays[inputs:]:
             array[:] = np.frombuffer(written[: array.nbytes], array.dtype).reshape(array.shape)
@@ -111,13 +111,13 @@ def main() -> None:
         robot = load_robot(name)
         model = training_model(robot, 0.005)
         randomisation = load_preset("gpu", robot).env.randomisation
-        given = physics_parity.random_arguments(robot, model, options.count, randomisation)
+        states = physics_parity.random_arguments(robot, model, options.count, randomisation)
         for label, processor in PROCESSORS.items():
             with tempfile.TemporaryDirectory() as folder:
                 elsewhere = partial(Elsewhere, processor, Path(folder))
                 with patch.object(physics_parity, "Program", elsewhere):
-                    double = physics_parity.compare(robot, model, given, np.float64).errors[:, 0]
-                    single = physics_parity.compare(robot, model, given, np.float32).errors[:, 0]
+                    double = physics_parity.compare(robot, model, states, np.float64).errors[:, 0]
+                    single = physics_parity.compare(robot, model, states, np.float32).errors[:, 0]
             errors = f"double precision {double.max():.1e}, single {np.quantile(single, 0.99):.1e}"
             print(f"{name}, {label}: {errors}", flush=True)
 

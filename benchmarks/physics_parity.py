@@ -60,7 +60,7 @@ def random_arguments(
     """
     rng, n = np.random.default_rng(seed), len(robot.joint_names)
     positions, _ = joint_addresses(model, robot)
-    points = np.concatenate(foot_geoms(model, robot.description))
+    feet = np.concatenate(foot_geoms(model, robot.description))
     data = mujoco.MjData(model)
     rows: list[Arrays] = []
     for _ in range(count):
@@ -69,12 +69,12 @@ def random_arguments(
         qpos[:3] = *rng.normal(size=2), 0.0
         attitude = rng.normal(size=4) if fallen else np.r_[1.0, 0.0, 0.0, 0.0] + rng.normal(size=4) * 0.08
         qpos[3:7] = attitude / np.linalg.norm(attitude)
-        near = robot.default_pose + rng.normal(size=n) * 0.2
+        near_default = robot.default_pose + rng.normal(size=n) * 0.2
         lower, upper = model.jnt_range[1:].T
-        qpos[positions] = rng.uniform(lower - 0.05, upper + 0.05) if fallen else near
+        qpos[positions] = rng.uniform(lower - 0.05, upper + 0.05) if fallen else near_default
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
-        qpos[2] = rng.uniform(-0.01, 0.003) - _lowest(model, data, range(model.ngeom) if fallen else points)
+        qpos[2] = rng.uniform(-0.01, 0.003) - _lowest(model, data, range(model.ngeom) if fallen else feet)
         speed = np.r_[np.full(3, 0.4), np.full(3, 1.0), np.full(model.nv - 6, 2.0)]
         command = JointCommand(robot.default_pose, np.zeros(n), robot.kp, robot.kd, np.zeros(n))
         command = randomised_command(command, sample)
@@ -124,14 +124,14 @@ def _lag(motor: Motor, timestep_s: float, rng: np.random.Generator) -> Arrays:
     }
 
 
-def _of(given: Arrays, part: str, robot: int) -> Arrays:
+def _of(states: Arrays, part: str, robot: int) -> Arrays:
     """Arrays of one robot whose names begin with `part` and a dot, by the rest of the name."""
     prefix = f"{part}."
-    return {name.removeprefix(prefix): v[robot] for name, v in given.items() if name.startswith(prefix)}
+    return {name.removeprefix(prefix): v[robot] for name, v in states.items() if name.startswith(prefix)}
 
 
 def reference(
-    robot: Robot, model: mujoco.MjModel, given: Arrays, fields: list[str]
+    robot: Robot, model: mujoco.MjModel, states: Arrays, fields: list[str]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Velocities after each physics step of plain MuJoCo, (robots, steps, nv), and numbers of contacts."""
     positions, dofs = joint_addresses(model, robot)
@@ -140,34 +140,34 @@ def reference(
     model.opt.ls_iterations = 50  # C counts evaluations; this is enough for its line search to converge
     data, velocities, contacts = mujoco.MjData(model), [], []
     nominal = model.dof_armature.copy()
-    for k in range(len(given["qpos"])):
+    for k in range(len(states["qpos"])):
         mujoco.mj_resetData(model, data)
         model.dof_armature[:] = nominal
         for name in fields:
-            getattr(model.opt if name == GRAVITY else model, name)[:] = given[name][k]
+            getattr(model.opt if name == GRAVITY else model, name)[:] = states[name][k]
         for name in ("qpos", "qvel", "qacc_warmstart"):
-            getattr(data, name)[:] = given[name][k]
-        motor, shares = Motor(**_of(given, "motor", k)), _of(given, "lag", k)
+            getattr(data, name)[:] = states[name][k]
+        motor, shares = Motor(**_of(states, "motor", k)), _of(states, "lag", k)
         lag = Lag(**shares) if shares else None
-        bias, before = given["encoder_bias"][k], given["lagged_torque"][k] if lag else None
-        drive = Drive(given["target"][k], given["kp"][k], given["kd"][k], motor, bias, lag)
-        own = model.dof_armature[dofs].copy()
+        bias, lagged_torque = states["encoder_bias"][k], states["lagged_torque"][k] if lag else None
+        drive = Drive(states["target"][k], states["kp"][k], states["kd"][k], motor, bias, lag)
+        armature = model.dof_armature[dofs].copy()
         for target in drive.target:
-            now = data.qpos[positions].copy(), data.qvel[dofs].copy()
-            effort = joint_effort(drive, target, *now, model.opt.timestep, before)
-            before = effort.lagged_torque
-            model.dof_armature[dofs] = own + effort.inertia
+            measured = data.qpos[positions].copy(), data.qvel[dofs].copy()
+            effort = joint_effort(drive, target, *measured, model.opt.timestep, lagged_torque)
+            lagged_torque = effort.lagged_torque
+            model.dof_armature[dofs] = armature + effort.inertia
             data.qfrc_applied[dofs] = effort.torque
             mujoco.mj_step(model, data)
             velocities.append(data.qvel.copy())
             contacts.append(data.ncon)
-    return np.array(velocities).reshape(len(given["qpos"]), -1, model.nv), np.array(contacts)
+    return np.array(velocities).reshape(len(states["qpos"]), -1, model.nv), np.array(contacts)
 
 
 def compare(
     robot: Robot,
     model: mujoco.MjModel,
-    given: Arrays,
+    states: Arrays,
     dtype: Any = np.float64,
     other: mujoco.MjModel | None = None,
 ) -> Errors:
@@ -176,29 +176,29 @@ def compare(
     Args:
         robot: the robot.
         model: model of the program.
-        given: arguments for both.
+        states: random states, as from `random_arguments`, for both.
         dtype: precision of the program.
         other: model for MuJoCo C, if different.
     """
-    given = {name: values.astype(dtype).astype(float) for name, values in given.items()}
-    own = {"qpos", "qvel", "qacc_warmstart", "lagged_torque", "target", "kp", "kd", "encoder_bias"}
-    fields = [name for name in given if name not in own and not name.startswith(("motor.", "lag."))]
-    effects = tuple(name for name in Motor._field_defaults if f"motor.{name}" in given)
-    shapes = {name: given[name].shape[1:] for name in fields}
+    states = {name: values.astype(dtype).astype(float) for name, values in states.items()}
+    not_fields = {"qpos", "qvel", "qacc_warmstart", "lagged_torque", "target", "kp", "kd", "encoder_bias"}
+    fields = [name for name in states if name not in not_fields and not name.startswith(("motor.", "lag."))]
+    effects = tuple(name for name in Motor._field_defaults if f"motor.{name}" in states)
+    shapes = {name: states[name].shape[1:] for name in fields}
     began = time.perf_counter()
     step = substep(model, robot, shapes, DOUBLE if dtype is np.float64 else SINGLE, effects)
     program = Program(step, STEPS, dtype)
     compile_s = time.perf_counter() - began
-    count, (inputs, outputs) = len(given["qpos"]), arguments(step)
+    count, (inputs, outputs) = len(states["qpos"]), arguments(step)
     arrays = [
-        np.ascontiguousarray(given[each.name].reshape(each.shape(count, STEPS)), dtype) for each in inputs
+        np.ascontiguousarray(states[each.name].reshape(each.shape(count, STEPS)), dtype) for each in inputs
     ]
     arrays += [np.empty(each.shape(count, STEPS), dtype) for each in outputs]
     program(arrays, 0, count)
-    found = dict(zip((each.name for each in (*inputs, *outputs)), arrays, strict=True))["trace.qvel"]
+    velocities = dict(zip((each.name for each in (*inputs, *outputs)), arrays, strict=True))["trace.qvel"]
     changed = [name for name in fields if name != GROUND]
-    expected, contacts = reference(robot, other or model, given, changed)
-    difference = np.linalg.norm(found.astype(float) - expected, axis=2)
+    expected, contacts = reference(robot, other or model, states, changed)
+    difference = np.linalg.norm(velocities.astype(float) - expected, axis=2)
     seconds = min(_seconds(program, arrays, count) for _ in range(5))
     return Errors(difference / np.linalg.norm(expected, axis=2), contacts, compile_s, count * STEPS / seconds)
 
@@ -226,8 +226,8 @@ def main() -> None:
             print(f"{name}: not supported: {'; '.join(refused)}")
             continue
         randomisation = load_preset("gpu", robot).env.randomisation
-        given = random_arguments(robot, model, options.count, randomisation, options.seed)
-        double, single = (compare(robot, model, given, dtype) for dtype in (np.float64, np.float32))
+        states = random_arguments(robot, model, options.count, randomisation, options.seed)
+        double, single = (compare(robot, model, states, dtype) for dtype in (np.float64, np.float32))
         one, four = (np.quantile(single.errors[:, k], (0.5, 0.99, 1.0)) for k in (0, STEPS - 1))
         print(
             f"{name}: {model.nv} degrees of freedom, {double.contacts.mean():.1f} contacts on average;"

@@ -44,7 +44,7 @@ def measure(impl: str, environments: int, iterations: int, task: str = TASK) -> 
     supply_device_put_replicated()
     try:
         with placeholder_meshes():
-            (begun_s, _), *reports = train(impl, environments, iterations, task)
+            (start_s, _), *reports = train(impl, environments, iterations, task)
             rates = sorted((b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(reports))
             steps = {"PPO, end to end": (rates[0], statistics.median(rates), rates[-1])}
             if impl == "jax":
@@ -52,7 +52,7 @@ def measure(impl: str, environments: int, iterations: int, task: str = TASK) -> 
     except Exception as error:  # any failure of Playground is a result
         lines = str(error).strip().splitlines()
         return found | {"failed": f"{type(error).__name__}: {lines[0] if lines else ''}"}
-    return found | {"first_report_s": reports[0][0] - begun_s, "steps_per_s": steps}
+    return found | {"first_report_s": reports[0][0] - start_s, "steps_per_s": steps}
 
 
 def physics_alone(
@@ -70,8 +70,8 @@ def physics_alone(
     @jax.jit
     def simulate(data: Any) -> Any:
         def step(data: Any, action: jax.Array) -> tuple[Any, None]:
-            one = functools.partial(mjx_env.step, env.mjx_model, n_substeps=env.n_substeps)
-            return jax.vmap(one)(data, standing + action), None
+            step_one = functools.partial(mjx_env.step, env.mjx_model, n_substeps=env.n_substeps)
+            return jax.vmap(step_one)(data, standing + action), None
 
         return jax.lax.scan(step, data, actions)[0]
 
@@ -143,8 +143,7 @@ def placeholder_meshes() -> Iterator[None]:
 
 
 def tetrahedron() -> bytes:
-    """A tetrahedron of 1 cm as binary STL: an 80-byte header, a count, normal and corners of each
-    triangle."""
+    """A tetrahedron of 1 cm as binary STL: an 80-byte header, a count, each triangle's normal and corners."""
     corners = np.concatenate([np.zeros((1, 3)), 0.01 * np.eye(3)])
     triangles = np.zeros(4, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     triangles["corners"] = corners[[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]]

@@ -36,7 +36,8 @@ class Switcher:
 
     def __init__(self, names: tuple[str, str], max_command: np.ndarray, rng: np.random.Generator) -> None:
         self._names, self._max_command, self._rng = names, max_command, rng
-        self.took_s: dict[str, list[float]] = {name: [] for name in names}  # by the policy that takes over
+        # From request to change, by the policy that takes over.
+        self.took_s: dict[str, list[float]] = {name: [] for name in names}
         self._requested_s: float | None = None
         self._request = Request(np.zeros(3))
         self._walk(0.0, names[0])
@@ -71,15 +72,15 @@ def episode(
     first, second = (load_policy(name, robot) for name in pair)
     source = Switcher(pair, np.array(max_command), np.random.default_rng(seed))
     config = deploy_config(robot)
-    fastest_rad, before = 0.0, robot.default_pose
+    max_change_rad, previous_target = 0.0, robot.default_pose
 
     def watch(loop: ControlLoop, _: object) -> None:
-        nonlocal fastest_rad, before
+        nonlocal max_change_rad, previous_target
         if loop.walking:
-            fastest_rad = max(fastest_rad, float(np.abs(loop.target - before).max()))
+            max_change_rad = max(max_change_rad, float(np.abs(loop.target - previous_target).max()))
             if source.done:
                 loop.finish()
-        before = loop.target
+        previous_target = loop.target
 
     trace = run_episode(
         robot,
@@ -95,12 +96,12 @@ def episode(
         ),
         watch,
     )
-    max_rad = robot.description.target_rate_rad_s * config.tick_us * 1e-6
+    allowed_rad = robot.description.target_rate_rad_s * config.tick_us * 1e-6
     return {
         "took_s": source.took_s,
         "fell": trace.fell,
         "faults": [*trace.faults],
-        "rate_share": fastest_rad / max_rad,
+        "rate_share": max_change_rad / allowed_rad,
     }
 
 
@@ -111,17 +112,17 @@ def measure(
     seeds = range(-(-2 * switches // SWITCHES))
     with ProcessPoolExecutor(workers) as pool:
         found = list(pool.map(partial(episode, robot, pair, max_command), seeds))
-    took = {name: [time for each in found for time in each["took_s"][name]] for name in pair}
-    every = [time for times in took.values() for time in times]
+    took_s = {name: [time for each in found for time in each["took_s"][name]] for name in pair}
+    all_times = [time for times in took_s.values() for time in times]
     return {
         "robot": robot,
         "pair": pair,
         "command": max_command,
-        "switches": {f"to {name}": len(times) for name, times in took.items()},
+        "switches": {f"to {name}": len(times) for name, times in took_s.items()},
         "falls": sum(each["fell"] for each in found),
         "faults": [fault for each in found for fault in each["faults"]],
-        "took_s_mean": float(np.mean(every)),
-        "took_s_max": float(np.max(every)),
+        "took_s_mean": float(np.mean(all_times)),
+        "took_s_max": float(np.max(all_times)),
         "target_rate_share_max": max(each["rate_share"] for each in found),
     }
 
@@ -133,7 +134,7 @@ def main() -> None:
     parser.add_argument(
         "--command", default="0.5,0.2,0.5", help="largest forward, leftward m/s and yaw rad/s"
     )
-    parser.add_argument("--switches", type=int, default=100, help="in each direction")
+    parser.add_argument("--switches", type=int, default=100, help="number in each direction")
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     first, second = options.pair.split(",")

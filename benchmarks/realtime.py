@@ -6,7 +6,7 @@ The simulated robot runs in a separate process, as a real robot does. Both are c
 with sockets that cost the same system calls (`socket_pairs`). With --one-thread its physics is a stage of the
 tick instead. At the same time an empty loop runs in another process, at the same rate and priority, as a
 reference for the machine. Prints a JSON object, in microseconds: lateness of both loops, and of the ticks
-that did not wait for the previous tick; overruns and skipped ticks; stages with their budgets. Exit status 1
+before which the loop had paused; overruns and skipped ticks; stages with their budgets. Exit status 1
 if p99 of the loop's lateness exceeds 0.3 ms, or a stage exceeds its budget.
 """
 
@@ -109,10 +109,10 @@ class Stages:
         }
 
 
-def not_held_up(timing: Timing, period_us: float) -> np.ndarray:
-    """Lateness of ticks that were due after the work of the previous tick, us."""
-    late, work = timing.lateness_us.values(), timing.tick_us.values()
-    return late[1:][late[:-1] + work[:-1] < period_us]
+def lateness_after_pause(timing: Timing, period_us: float) -> np.ndarray:
+    """Lateness of ticks that were due after the previous tick's work had ended, us."""
+    lateness, work = timing.lateness_us.values(), timing.tick_us.values()
+    return lateness[1:][lateness[:-1] + work[:-1] < period_us]
 
 
 def figures(values: np.ndarray) -> dict[str, float]:
@@ -123,20 +123,22 @@ def with_longest(values: np.ndarray) -> dict[str, float]:
     return figures(values) | {"max": float(values.max(initial=0.0))}
 
 
-def empty_loop(period_us: int, priority: int | None, end: Connection) -> None:
+def empty_loop(period_us: int, priority: int | None, pipe: Connection) -> None:
     """An empty loop: reports that it runs, stops on a message, then sends its lateness, us."""
-    clock, late = WallClock(period_us), Durations()
+    clock, lateness = WallClock(period_us), Durations()
     with undisturbed(priority):
-        end.send("running")
-        while not end.poll():
+        pipe.send("running")
+        while not pipe.poll():
             clock.next_tick()
-            late.add(clock.lateness_us())
-    end.send(late.values())
+            lateness.add(clock.lateness_us())
+    pipe.send(lateness.values())
 
 
-def simulate(folder: str, config: DeployConfig, ends: Ends, end: Connection) -> None:
-    """Simulate the robot of this folder at these ends: reports that it runs, stops on a message, confirms.
-    If the loop has a real-time priority, the robot has the lowest one, because real motors always respond.
+def simulate(folder: str, config: DeployConfig, ends: Ends, pipe: Connection) -> None:
+    """Simulate the robot of this folder at these socket ends.
+
+    Reports that it runs, stops on a message, confirms. If the loop has a real-time priority, the robot has
+    the lowest one, because real motors always respond.
     """
     priority = None if config.realtime_priority is None else 1
     plant = PlantConfig(motor_timeout_s=config.motor_timeout_s)
@@ -145,27 +147,26 @@ def simulate(folder: str, config: DeployConfig, ends: Ends, end: Connection) -> 
         in_place_of_interfaces(ends),
         serving(load_robot(folder), SOCKETCAN, plant),
     ):
-        end.send("running")
-        end.recv()
-    end.send("over")
+        pipe.send("running")
+        pipe.recv()
+    pipe.send("over")
 
 
 @contextmanager
-def elsewhere(work: Callable[..., None], *arguments: Any) -> Iterator[list[Any]]:
-    """Run one of these functions in a separate process; yields a list that has its last message at the
-    end."""
+def in_another_process(work: Callable[..., None], *arguments: Any) -> Iterator[list[Any]]:
+    """Run one of these functions in another process; yields a list that gets its last message at the end."""
     context = get_context("spawn")
-    last_word: list[Any] = []
+    last_message: list[Any] = []
     here, there = context.Pipe()
     process = context.Process(target=work, args=(*arguments, there), daemon=True)
     process.start()
     there.close()
     here.recv()
     try:
-        yield last_word
+        yield last_message
     finally:
         here.send("stop")
-        last_word.append(here.recv())
+        last_message.append(here.recv())
         process.join()
 
 
@@ -186,7 +187,7 @@ def in_one_thread(robot: Robot, policy: Policy, session: Session, display: Displ
 def in_two_processes(robot: Robot, policy: Policy, session: Session, display: Display) -> SessionResult:
     """A session with SocketCAN's code, and the simulated robot in a separate process."""
     near, far = socket_pairs(wiring_of(robot).buses)
-    with elsewhere(simulate, str(robot.folder), session.config, far), in_place_of_interfaces(near):
+    with in_another_process(simulate, str(robot.folder), session.config, far), in_place_of_interfaces(near):
         return run_on_interface(robot, policy, SOCKETCAN, replace(session, display=display))
 
 
@@ -209,31 +210,31 @@ def main() -> int:
     priority = options.priority or None
     robot = load_robot(options.robot)
     policy = load_policy(options.policy, robot)
-    # a measured lateness must not end the run
+    # Lateness is measured: it must not end the run.
     config = replace(RELAXED, joint_rate_hz=options.rate, realtime_priority=priority)
     command, stages = np.array([0.5, 0.0, 0.0]), Stages()
     session = Session(lambda _: command, options.seconds, log=options.log, config=config)
     run = in_one_thread if options.one_thread else in_two_processes
-    with elsewhere(empty_loop, config.tick_us, priority) as empty:
+    with in_another_process(empty_loop, config.tick_us, priority) as empty_lateness:
         outcome = run(robot, policy, session, stages.watch)
-    timing, each = outcome.timing, stages.summary()
-    over = [name for name, found in each.items() if found["p99"] > found["budget_p99"]]
-    over += ["lateness"] if timing["lateness_us_p99"] > LIMIT_US else []
-    shown = {
+    timing, durations = outcome.timing, stages.summary()
+    over_budget = [name for name, each in durations.items() if each["p99"] > each["budget_p99"]]
+    over_budget += ["lateness"] if timing["lateness_us_p99"] > LIMIT_US else []
+    report = {
         "policy": policy.name,
         "final_state": outcome.final_state,
         "faults": list(outcome.faults),
         "notes": list(outcome.notes),
         "lateness_us": {name: timing[f"lateness_us_{name}"] for name in ("p50", "p99", "max")},
-        "not_held_up_us": with_longest(not_held_up(stages.timing, config.tick_us)),
-        "empty_loop_us": with_longest(empty[0]),
+        "lateness_after_pause_us": with_longest(lateness_after_pause(stages.timing, config.tick_us)),
+        "empty_loop_us": with_longest(empty_lateness[0]),
         "tick_us": {name: timing[f"tick_us_{name}"] for name in ("p50", "p99", "max")},
         **{name: timing[name] for name in ("ticks", "overruns", "ticks_skipped")},
-        "stages_us": each,
-        "over": over,
+        "stages_us": durations,
+        "over_budget": over_budget,
     }
-    print(json.dumps(rounded(shown), indent=2))
-    return 1 if over else 0
+    print(json.dumps(rounded(report), indent=2))
+    return 1 if over_budget else 0
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Settings of the loop with relaxed time limits, for machines that stall: lost time is not a fault.
 
-Benchmarks and tests tighten those that they are about.
+A benchmark or a test of one of these limits sets its own value.
 """
 
 from footfall.deploy.config import DeployConfig
@@ -16,7 +16,7 @@ RELAXED = DeployConfig(
         late_limit_s=20.0,
         late_steps=1000,
         skipped_share=1.0,
-        sensors=SensorLimits(  # a robot's time stalls as well, and so do targets
+        sensors=SensorLimits(  # a stalled process also stops the simulated robot and the targets
             drift_rad=3.0,
             wander_rad=3.0,
             creep_rad=3.0,

@@ -73,9 +73,9 @@ def main() -> None:
         found = rewards(policy, robot, options.preset, options.episodes, options.steps, options.seed)
         total = found["total"]
         first = total if first is None else first
-        gain = total - first
-        deviation = float(np.std(gain, ddof=1) / np.sqrt(len(gain)))
-        rows.append([policy.name, f"{total.mean():.3f}", f"{gain.mean():+.3f}", f"{deviation:.3f}"])
+        difference = total - first
+        deviation = float(np.std(difference, ddof=1) / np.sqrt(len(difference)))
+        rows.append([policy.name, f"{total.mean():.3f}", f"{difference.mean():+.3f}", f"{deviation:.3f}"])
         rows[-1] += [f"{found[name].mean():.3f}" for name in SHOWN]
     print(table(["policy", "reward", "difference", "deviation", *SHOWN], rows))
 

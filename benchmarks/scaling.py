@@ -65,10 +65,10 @@ def main() -> None:
 
 def steps_per_s(options: argparse.Namespace, devices: int) -> Spread:
     """Speed of whole iterations on the first few devices: minimum, median, maximum."""
-    description = load_robot(options.robot)
-    config = load_preset(options.preset, description)
+    robot = load_robot(options.robot)
+    config = load_preset(options.preset, robot)
     ppo = replace(config.ppo, num_envs=config.ppo.num_envs * devices)
-    parts = assemble(replace(config, ppo=ppo), description)
+    parts = assemble(replace(config, ppo=ppo), robot)
     state, compiled = parts.prepare(device_mesh(ppo, devices), 0, print)
 
     def iterate(state: Any) -> Any:

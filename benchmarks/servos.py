@@ -1,5 +1,4 @@
-"""Fits position servos that move a pendulum, evaluates on held-out gains or motions, compares with published
-fits.
+"""Fits position servos that move a pendulum; held-out errors of these and of the published fits.
 
     pip install "footfall[train,report]"
     python benchmarks/servos.py xl330 --data FOLDER --workers 2 --plot xl330.png
@@ -30,18 +29,18 @@ SUPPORTED = 0.5  # largest half-width of an interval, relative to the value, of 
 PREDICTED = 3.0  # largest ratio of held-out to fitted error of a supported prediction
 AT_BOUND = 0.01  # largest distance from a bound, in scales, of a figure that counts as at its bound
 LONG_S = 5.9  # windows long enough to show drift
-Task = tuple[str, str, str, str, int]  # folder, servo, model; "all", "without" or "draw"; index
+Task = tuple[str, str, str, str, int]  # folder, servo, model; "all", "without" or "draw"; fold or seed
 
 
 def run(task: Task) -> dict[str, Any]:
     """Run one fit."""
-    folder, servo, model, kind, which = task
+    folder, servo, model, kind, number = task
     windows = problem(folder, servo, model)
     used = windows.recordings
     if kind == "without":
-        used = np.setdiff1d(used, folds(folder, servo)[which][1])
+        used = np.setdiff1d(used, folds(folder, servo)[number][1])
     if kind == "draw":
-        used = np.random.default_rng(which).choice(used, len(used))
+        used = np.random.default_rng(number).choice(used, len(used))
     return {"numbers": windows.of(used).fit().tolist()}
 
 
@@ -62,11 +61,11 @@ def main() -> None:
     add_options(parser)
     options = parser.parse_args()
     folder, servo = str(options.data.resolve()), options.servo
-    parts = range(len(folds(folder, servo)))
+    all_folds = range(len(folds(folder, servo)))
     tasks: list[Task] = [
-        (folder, servo, model, kind, which)
+        (folder, servo, model, kind, number)
         for model in MODELS
-        for kind, which in (("all", 0), *(("without", part) for part in parts))
+        for kind, number in (("all", 0), *(("without", fold) for fold in all_folds))
     ]
     tasks += [(folder, servo, "joint law", "draw", seed) for seed in range(options.draws)]
     done, failed = run_resumable(run, tasks, options.out, options.workers, options.time_limit)
@@ -84,26 +83,30 @@ def report_errors(folder: str, servo: str, fits: dict[tuple[str, str, int], np.n
     parts = folds(folder, servo)
     rows = []
     for name, values in SERVOS[servo].makers.items():
-        each = [makers_problem(folder, servo, window_s) for window_s in (1.0, LONG_S)]
-        numbers = np.array([values[number.name] for number in each[0].numbers])
-        short, long = ([mean_error_mrad(part, numbers, members) for _, members in parts] for part in each)
+        short_and_long = [makers_problem(folder, servo, window_s) for window_s in (1.0, LONG_S)]
+        numbers = np.array([values[number.name] for number in short_and_long[0].numbers])
+        short, long = (
+            [mean_error_mrad(windows, numbers, members) for _, members in parts] for windows in short_and_long
+        )
         rows.append([f"makers: {name}", *_cells(short), f"{np.mean(long):.1f}", ""])
     for model in MODELS:
-        each = [problem(folder, servo, model, window_s) for window_s in (1.0, LONG_S)]
+        short_and_long = [problem(folder, servo, model, window_s) for window_s in (1.0, LONG_S)]
         short, long = (
             [
-                mean_error_mrad(part, fits[model, "without", fold], members)
+                mean_error_mrad(windows, fits[model, "without", fold], members)
                 for fold, (_, members) in enumerate(parts)
             ]
-            for part in each
+            for windows in short_and_long
         )
-        known = [mean_error_mrad(each[0], fits[model, "all", 0], members) for _, members in parts]
+        fitted_errors = [
+            mean_error_mrad(short_and_long[0], fits[model, "all", 0], members) for _, members in parts
+        ]
         refused = [
             name
-            for (name, _), held_out, fitted in zip(parts, short, known, strict=True)
+            for (name, _), held_out, fitted in zip(parts, short, fitted_errors, strict=True)
             if held_out > PREDICTED * fitted
         ]
-        rows.append([model, *_cells(short), f"{np.mean(long):.1f}", f"{np.mean(known):.1f}"])
+        rows.append([model, *_cells(short), f"{np.mean(long):.1f}", f"{np.mean(fitted_errors):.1f}"])
         for name in refused:
             print(f"{model}: the other recordings do not support a prediction of {name}: refused")
     head = ["held out, mrad over 1 s", *(name for name, _ in parts), "mean", f"over {LONG_S:g} s", "fitted"]
@@ -119,12 +122,12 @@ def report_numbers(windows: Shooting, fits: dict[tuple[str, str, int], np.ndarra
     fitted = fits["joint law", "all", 0]
     draws = np.array([numbers for (_, kind, _), numbers in fits.items() if kind == "draw"])
     rows = []
-    for fold, number in enumerate(windows.numbers):
-        low, high = interval(list(draws[:, fold])) if len(draws) else interval([])
-        value = f"{fitted[fold]:.4g}"
+    for index, number in enumerate(windows.numbers):
+        low, high = interval(list(draws[:, index])) if len(draws) else interval([])
+        value = f"{fitted[index]:.4g}"
         if min(low - number.low, number.high - high) < AT_BOUND * number.scale:
             value = f"refused: {value} is at its bound"
-        elif high - low > 2.0 * SUPPORTED * abs(fitted[fold]):
+        elif high - low > 2.0 * SUPPORTED * abs(fitted[index]):
             value = f"refused: {value} is not determined"
         rows.append([number.name, number.unit, value, f"{low:.4g} to {high:.4g}"])
     print(table(["joint law", "unit", "fit to all", "95 % over recordings"], rows))
@@ -153,8 +156,8 @@ def plot(path: Path, folder: str, servo: str, fits: dict[tuple[str, str, int], n
     windows = problem(folder, servo, model)
     error = np.zeros_like(windows.measured)
     for fold, (_, members) in enumerate(folds(folder, servo)):
-        mine = np.isin(windows.recording, members)
-        error[mine] = windows.errors(fits[model, "without", fold])[mine]
+        held_out = np.isin(windows.recording, members)
+        error[held_out] = windows.errors(fits[model, "without", fold])[held_out]
     names = [log.name for log in logs(folder, servo)]
     plot_windows(path, windows.measured, error, windows.recording, names, ("position, rad",))
 

@@ -16,8 +16,9 @@ def side_by_side(first: Exported, second: Exported, seen: np.ndarray, share: flo
         first: its actions are the new network's.
         second: has as many layers. Its last hidden units are not connected to the actions.
         seen: indices of the second network's observation in the first one's.
-        share: number of additional units of a hidden layer, with random inputs, relative to the first
-        network's. key: for these random inputs.
+        share: number of additional units of a hidden layer, relative to the first network's. Their input
+            weights are random.
+        key: for these random weights.
     """
     gain = first.std[seen] / second.std
     offset = (first.mean[seen] - second.mean) / second.std

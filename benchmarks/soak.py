@@ -74,6 +74,7 @@ class Watcher:
 
     def drift_us(self) -> float:
         """Drift of the loop's clock relative to the other clock, from the first to the last tenth of the run.
+
         A late tick is behind the other clock, never ahead of it: so the minimum of each tenth is used.
         """
         tenth = max(len(self._behind_us) // 10, 1)
@@ -164,20 +165,20 @@ def with_fault(task: tuple[str, int, str, str]) -> dict[str, Any]:
     robot = load_robot(robot_name)
     kind = list(FAULTS)[int(rng.integers(len(FAULTS)))]
     joint, at_s = int(rng.integers(len(robot.joint_names))), float(rng.uniform(0.5, 4.0))
-    happened: list[float] = []
-    damped: list[float] = []
+    injected_s: list[float] = []
+    detected_s: list[float] = []
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
         body.fall = lambda: None  # type: ignore[method-assign]
-        if not happened and loop.walking and loop.walking_s >= at_s:
+        if not injected_s and loop.walking and loop.walking_s >= at_s:
             FAULTS[kind](body, joint)
-            happened.append(loop.now_us * 1e-6)
-        if happened and not damped and loop.state.faults:
-            damped.append(loop.now_us * 1e-6)
+            injected_s.append(loop.now_us * 1e-6)
+        if injected_s and not detected_s and loop.state.faults:
+            detected_s.append(loop.now_us * 1e-6)
 
     episode = Episode(command_at, at_s + NOTICED_WITHIN_S, seed, record=False)
     trace = run_episode(robot, load_policy(policy, robot), episode, watch)
-    after_s = damped[0] - happened[0] if happened and damped else None
+    after_s = detected_s[0] - injected_s[0] if injected_s and detected_s else None
     return {
         "seed": seed,
         "kind": kind,
@@ -219,22 +220,22 @@ def main() -> int:
     options = parser.parse_args()
     end_s = time.monotonic() + (options.time_limit or math.inf)
     subject = (options.robot, options.policy)
-    shown: list[dict[str, Any]] = []
+    parts: list[dict[str, Any]] = []
     seeds = range(options.seed, options.seed + options.faults)
     short = [("fault", seed, *subject) for seed in seeds]
     found, errors = run_resumable(with_fault, short, options.out, options.workers, options.time_limit)
-    shown += [faults_summary(found)] if found else []
+    parts += [faults_summary(found)] if found else []
     for kind, minutes in ((WALL_CLOCK, options.wall_minutes), (LOCKSTEP, options.lockstep_minutes)):
         if minutes:  # in a separate process, whose memory is measured
             task = (kind, minutes, options.seed, *subject)
-            left_s = max(end_s - time.monotonic(), 0.0)
-            ran, more = run_resumable(partial(long_run, end_s=end_s), [task], options.out, 1, left_s)
-            shown, errors = shown + ran, errors + more
-    for each in shown:
+            remaining_s = max(end_s - time.monotonic(), 0.0)
+            runs, more = run_resumable(partial(long_run, end_s=end_s), [task], options.out, 1, remaining_s)
+            parts, errors = parts + runs, errors + more
+    for each in parts:
         print(json.dumps(each), flush=True)
     for line in errors:
         print(line, file=sys.stderr)
-    return 0 if all(each["good"] for each in shown) and not errors else 1
+    return 0 if all(each["good"] for each in parts) and not errors else 1
 
 
 if __name__ == "__main__":

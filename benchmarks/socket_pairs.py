@@ -30,13 +30,13 @@ def socket_pairs(names: tuple[str, ...]) -> tuple[Ends, Ends]:
 @contextmanager
 def in_place_of_interfaces(ends: Ends) -> Iterator[None]:
     """While the context is open, SocketCAN buses use these ends, each once."""
-    of_the_kernel = socketcan_bus.open_socket
+    open_kernel_socket = socketcan_bus.open_socket
 
     def open_end(name: str, filters: tuple[CanFilter, ...]) -> socket.socket:
-        return ends[name] if name in ends else of_the_kernel(name, filters)
+        return ends[name] if name in ends else open_kernel_socket(name, filters)
 
     socketcan_bus.open_socket = open_end
     try:
         yield
     finally:
-        socketcan_bus.open_socket = of_the_kernel
+        socketcan_bus.open_socket = open_kernel_socket

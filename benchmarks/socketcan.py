@@ -26,12 +26,12 @@ import numpy as np
 
 from footfall.plant.frame_changes import flipped
 
-ORDERLY, ESTOP, KILLED = "IDLE", "ESTOP", ""
+ORDERLY, ESTOP, KILLED = "IDLE", "ESTOP", ""  # final states; a killed controller reports none
 PROCESS_TIMEOUT_S = 300.0  # a slow machine takes long to import
 START_TIMEOUT_S = 30.0  # the robot starts after the controller
 MOTORS_TIMEOUT_S = 0.5  # longer than the motors' timeout
 SLOW_DRIFT_RAD = 0.2
-FLIPPED_SHARE = 0.2  # of the robot's frames have a flipped bit, as if no checksum had detected it
+FLIPPED_SHARE = 0.2  # share of the robot's frames with a flipped bit, as if no checksum had detected it
 
 
 @dataclass(frozen=True)
@@ -85,6 +85,7 @@ def inject(fault: str, body: Any) -> None:
 
 def robot(name: str, bus: str, slow: bool) -> None:
     """The robot's process: simulated robots in sequence, controlled by lines of input.
+
     `start` puts a robot on the bus, `stop` removes it, any other line is a fault. Prints a JSON object
     whenever motors were enabled or disabled.
     """
@@ -103,10 +104,10 @@ def robot(name: str, bus: str, slow: bool) -> None:
                 ended = threading.Event()
                 watcher = threading.Thread(target=watch, args=(body, ended))
                 watcher.start()
-                for order in sys.stdin:
-                    if order.strip() == "stop":
+                for command in sys.stdin:
+                    if command.strip() == "stop":
                         break
-                    inject(order.strip(), body)
+                    inject(command.strip(), body)
                 ended.set()
                 watcher.join()
             report(stopped=True)
@@ -198,11 +199,11 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
     progress(f"{name}: starting the robot")
     body.start()
     body.wait_for("motors_on")
-    happened_at = time.monotonic()
+    fault_at = time.monotonic()
     progress(f"{name}: motors are on")
     if name != "walk":
         time.sleep(options.fault_after)
-        happened_at = time.monotonic()
+        fault_at = time.monotonic()
         if row.to_robot:
             body.order(row.to_robot)
         if row.to_controller:
@@ -218,7 +219,7 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
     frames = None if dump is None else end_dump(dump, out / f"{name}.candump")
     reported = json.loads(result.read_text()) if result.exists() else {}
     final_state, faults = reported.get("final_state", ""), reported.get("faults", [])
-    off_at = body.off_at(happened_at)
+    off_at = body.off_at(fault_at)
     good = (
         final_state == row.final_state
         and row.fault in " ".join(faults)
@@ -227,11 +228,11 @@ def run(name: str, body: Robot, options: argparse.Namespace) -> dict[str, Any]:
     )
     shown = {
         "row": name,
-        "as_it_should": good,
+        "as_expected": good,
         "exit": process.returncode,
         "final_state": final_state,
         "faults": faults,
-        "motors_off_after_s": round(off_at - happened_at, 3) if off_at else None,
+        "motors_off_after_s": round(off_at - fault_at, 3) if off_at else None,
         "frames_seen": frames,
         "walked_s": reported.get("walked_s"),
         "timing": reported.get("timing"),
@@ -279,12 +280,12 @@ def main() -> None:
         robot(options.robot, options.bus, options.slow)
         return
     options.out.mkdir(parents=True, exist_ok=True)
-    body, bad = Robot(options.robot, options.bus, options.slow), 0
+    process, unexpected = Robot(options.robot, options.bus, options.slow), 0
     for name in options.rows:
-        shown = run(name, body, options)
-        bad += not shown["as_it_should"]
-        print(json.dumps(shown), flush=True)
-    sys.exit(1 if bad else 0)
+        result = run(name, process, options)
+        unexpected += not result["as_expected"]
+        print(json.dumps(result), flush=True)
+    sys.exit(1 if unexpected else 0)
 
 
 if __name__ == "__main__":

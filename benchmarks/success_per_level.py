@@ -48,9 +48,9 @@ def at_level(config: EnvConfig, scenario: Scenario, level: dict[str, float]) -> 
     """The training environment on the scenario's ground only, at its first command, without pushes.
 
     Args:
-        config: of the training.
-        scenario: has a ground.
-        level: a parameter of the ground, or a drawn quantity, which is fixed.
+        config: the training environment of the run.
+        scenario: a scenario with a ground.
+        level: value of a parameter of the ground, or of a drawn quantity, which it fixes.
     """
     assert scenario.ground is not None
     assert config.terrain is not None
@@ -116,8 +116,8 @@ def successes(
             state, observation, outcome = step_batch(env, state, action)
             return (state, observation, fell | (outcome.terminated > 0)), None
 
-        begun = state, observation, jnp.zeros(count, bool)
-        (state, _, fell), _ = jax.lax.scan(step, begun, None, length=steps)
+        start = state, observation, jnp.zeros(count, bool)
+        (state, _, fell), _ = jax.lax.scan(step, start, None, length=steps)
         walked = state.terms[KEY][KEY]
         return ~fell & (walked.along >= SUCCESS_PROGRESS * walked.commanded), friction
 
@@ -129,8 +129,8 @@ def by_friction(found: Successes) -> list[str]:
     """Successes of the robots in each of `FRICTION_RANGES`."""
     cells = []
     for low, high in itertools.pairwise(FRICTION_RANGES):
-        there = found.succeeded[(found.friction >= low) & (found.friction < high)]
-        cells.append(f"{there.sum()} of {there.size}")
+        in_range = found.succeeded[(found.friction >= low) & (found.friction < high)]
+        cells.append(f"{in_range.sum()} of {in_range.size}")
     return cells
 
 
@@ -157,19 +157,21 @@ def main() -> None:
         config = replace(config, terrain=replace(config.terrain, exact_friction=True))
     policy = read_exported(options.run / "policy.onnx")
     table = Table("level", "training environment", "simulated robot", "difference, points")
-    split = Table("level", *(f"friction {a:g} to {b:g}" for a, b in itertools.pairwise(FRICTION_RANGES)))
+    friction_table = Table(
+        "level", *(f"friction {a:g} to {b:g}" for a, b in itertools.pairwise(FRICTION_RANGES))
+    )
     (name,) = scenario.rows
     for row in json.loads(options.results.read_text())["scenarios"][options.scenario]["rows"]:
-        here = at_level(config, scenario, {name: row[name]})
-        found = successes(robot, here, policy, scenario.duration_s, options.robots, options.seed)
-        trained, acted = found.succeeded.mean(), row["success_rate"]
-        shown = (
+        level_config = at_level(config, scenario, {name: row[name]})
+        found = successes(robot, level_config, policy, scenario.duration_s, options.robots, options.seed)
+        difference = row["success_rate"] - found.succeeded.mean()
+        counts = (
             f"{found.succeeded.sum()} of {options.robots}",
             f"{row['successes']} of {row['episodes']}",
         )
-        table.add_row(f"{name} {row[name]:g}", *shown, f"{100 * (acted - trained):+.0f}")
-        split.add_row(f"{name} {row[name]:g}", *by_friction(found))
-    Console(width=120).print(table, split)
+        table.add_row(f"{name} {row[name]:g}", *counts, f"{100 * difference:+.0f}")
+        friction_table.add_row(f"{name} {row[name]:g}", *by_friction(found))
+    Console(width=120).print(table, friction_table)
 
 
 if __name__ == "__main__":

@@ -4,11 +4,12 @@
     python benchmarks/teacher_student.py runs/teacher/policy.onnx --out student.onnx
     python benchmarks/teacher_student.py ROUGH.onnx --level-teacher FLAT.onnx --out student.onnx
 
-The student starts from the teacher's network. In the environment of `--preset`, whose scans are erroneous and
-stop, it acts with noise. In each state its mean action is fitted to the teacher's by least squares. A single
-teacher reads exact heights. With two teachers, the second gives the actions where the ground around the robot
-is level and scans arrive, the first one elsewhere; both read the student's observation. Their student has
-both networks side by side and a few more units; at first its actions are the first teacher's.
+The student starts from the teacher's network. It acts with noise in the environment of `--preset`, whose
+height scans have errors and can stop. In each state its mean action is fitted to the teacher's by least
+squares. A single teacher reads exact heights. With two teachers, the second gives the actions where the
+ground around the robot is level and scans arrive, the first one elsewhere; both read the student's
+observation. Their student has both networks side by side and a few more units; at first its actions are the
+first teacher's.
 """
 
 import argparse
@@ -120,8 +121,8 @@ class Imitation:
         contract, size = self.env.contract, self.teacher.mean.size
         points, end = term_size(contract.observation[-1], contract), size + size_per_step(contract)
         exact = observation["privileged_state"][:, end - points : end]
-        seen = jnp.concatenate([observation["state"][:, : size - points], exact], axis=1)
-        return action_of(self.teacher, seen), jnp.zeros((self.envs, 1), bool)
+        observed = jnp.concatenate([observation["state"][:, : size - points], exact], axis=1)
+        return action_of(self.teacher, observed), jnp.zeros((self.envs, 1), bool)
 
     def actor(self, student: Student) -> Actor:
         """The student on the host."""
@@ -160,10 +161,10 @@ class Imitation:
             figures = jnp.stack([error.mean(), error.mean(where=on_level)])
             return jnp.mean(jnp.where(on_level, self.level_weight, 1.0) * error), figures
 
-        layers, memory = learner
+        layers, optimizer_state = learner
         gradient, figures = jax.grad(loss, has_aux=True)(layers)
-        updates, memory = self.optimizer.update(gradient, memory, layers)
-        return (optax.apply_updates(layers, updates), memory), figures
+        updates, optimizer_state = self.optimizer.update(gradient, optimizer_state, layers)
+        return (optax.apply_updates(layers, updates), optimizer_state), figures
 
 
 @dataclass(frozen=True)
@@ -186,14 +187,14 @@ class TwoTeachers(Imitation):
 
     def _sees_level_ground(self, state: State) -> jax.Array:
         """Whether scans arrive, and heights around the robot differ by less than a level ground's."""
-        env, reach = self.env, self.env.scene.standing_height
+        env, height = self.env, self.env.scene.standing_height
         data = env.terrain.base(state, example_data(env.scene))
         leftward = jnp.stack([-data.forward[1], data.forward[0]])
         along, across = jnp.arange(-1.0, 3.0)[:, None, None], jnp.arange(-1.0, 2.0)[:, None]
-        positions = data.base_position[:2] + reach * (along * data.forward + across * leftward)
+        positions = data.base_position[:2] + height * (along * data.forward + across * leftward)
         errors = state.terms[NAME][NAME].errors
-        blind = errors.useless | (state.steps * env.period_s > errors.end_s)
-        return (jnp.ptp(data.ground(positions)) < LEVEL_SHARE * reach) & ~blind
+        without_scan = errors.useless | (state.steps * env.period_s > errors.end_s)
+        return (jnp.ptp(data.ground(positions)) < LEVEL_SHARE * height) & ~without_scan
 
 
 def indices_of(part: Contract, whole: Contract) -> np.ndarray:
@@ -219,12 +220,12 @@ def main() -> None:
     )
     parser.add_argument("--level-teacher", type=Path, help="exported policy for level ground")
     parser.add_argument("--robot", default="go1")
-    parser.add_argument("--preset", default="rough", help="whose environment the student acts in")
+    parser.add_argument("--preset", default="rough", help="preset in whose environment the student acts")
     parser.add_argument("--steps", type=int, default=200_000_000)
     parser.add_argument("--envs", type=int, default=32768)
     parser.add_argument("--noise", type=float, default=0.1, help="deviation of the student's actions")
     parser.add_argument("--learning-rate", type=float, default=5e-4)
-    parser.add_argument("--level-weight", type=float, default=1.0, help="of errors where the ground is level")
+    parser.add_argument("--level-weight", type=float, default=1.0, help="weight of errors on level ground")
     parser.add_argument("--epochs", type=int, default=3, help="passes over an iteration's samples")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True)
@@ -235,23 +236,23 @@ def main() -> None:
     if contract.observation != env.contract.observation or contract.observation[-1].name != NAME:
         parser.error("the teacher's observation is not the preset's, or does not end with a height scan")
     count = max(1, options.steps // (STEPS * options.envs))
-    numbers = options.noise, options.learning_rate, options.level_weight, options.epochs
-    common = (env, read_exported(options.teacher), options.envs, count, *numbers)
+    settings = options.noise, options.learning_rate, options.level_weight, options.epochs
+    common = (env, read_exported(options.teacher), options.envs, count, *settings)
     imitation = Imitation(*common)
     if options.level_teacher:
-        other = indices_of(open_network(options.level_teacher)[1], contract)
-        imitation = TwoTeachers(*common, read_exported(options.level_teacher), other)
+        seen = indices_of(open_network(options.level_teacher)[1], contract)
+        imitation = TwoTeachers(*common, read_exported(options.level_teacher), seen)
     student, iterate, began_s = imitation.begin(options.seed), jax.jit(imitation.iterate), time.perf_counter()
     for k in range(1, count + 1):
         student, figures = iterate(student)
         if k % max(1, count // REPORTS) == 0 or k == count:
             loss, on_level, fell, level = np.asarray(figures)
-            done = f"{time.perf_counter() - began_s:.0f} s, {k * STEPS * options.envs:,} steps"
+            progress = f"{time.perf_counter() - began_s:.0f} s, {k * STEPS * options.envs:,} steps"
             losses = f"loss {loss:.2e}, on level ground {on_level:.2e}"
-            print(f"{done}: {losses}, falls a step {fell:.1e}, level {level:.2f}", flush=True)
-    seen = np.asarray(student.episodes[1]["state"][:LOGGED_OBSERVATIONS])
-    worst = export(imitation.actor(student), env.contract, seen, options.out)
-    print(f"exported {options.out}; ONNX Runtime differs by at most {worst:.1e}")
+            print(f"{progress}: {losses}, falls a step {fell:.1e}, level {level:.2f}", flush=True)
+    observations = np.asarray(student.episodes[1]["state"][:LOGGED_OBSERVATIONS])
+    difference = export(imitation.actor(student), env.contract, observations, options.out)
+    print(f"exported {options.out}; ONNX Runtime differs by at most {difference:.1e}")
 
 
 if __name__ == "__main__":

@@ -187,8 +187,7 @@ def measure_footfall(
 
 
 def share_of_peak(env: LocomotionEnv, steps_per_s: float) -> float | None:
-    """Operations per second of the generated physics relative to the device's peak; None for an unknown
-    peak."""
+    """Operations per second of the generated physics relative to the device's peak; None if unknown."""
     peak = PEAK_FLOP_S.get(jax.devices()[0].device_kind)
     if env.engine.name != "generated" or peak is None:
         return None

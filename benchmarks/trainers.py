@@ -39,16 +39,16 @@ def main() -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--iterations", type=int, default=20)
     options = parser.parse_args()
-    given = {key: yaml.safe_load(value) for key, value in (s.split("=", 1) for s in options.set)}
+    common = {key: yaml.safe_load(value) for key, value in (s.split("=", 1) for s in options.set)}
     for name in options.trainers:
-        cases = {"": given} | ({", single precision": given | SINGLE} if name == "brax" else {})
+        cases = {"": common} | ({", single precision": common | SINGLE} if name == "brax" else {})
         for case, settings in cases.items():
             trainer, steps = prepared(name, options.robot, options.preset, settings)
-            whole, parts = measured(name, trainer, options.iterations)
+            iteration_s, parts = measured(name, trainer, options.iterations)
             shares = "".join(f"; {part} {1e3 * seconds:.1f} ms" for part, seconds in parts.items())
             print(
-                f"{name}{case}: {steps / whole / 1e6:.3f} M env-steps/s, {1e3 * whole:.1f} ms an iteration"
-                f" of {steps:,} steps{shares}",
+                f"{name}{case}: {steps / iteration_s / 1e6:.3f} M env-steps/s,"
+                f" {1e3 * iteration_s:.1f} ms an iteration of {steps:,} steps{shares}",
                 flush=True,
             )
 
@@ -57,8 +57,8 @@ def prepared(name: str, robot: str, preset: str, settings: dict[str, Any]) -> tu
     """A trainer that is ready to iterate, and the environment steps of one iteration."""
     described = load_robot(robot)
     config = trial_config(preset, settings, described)
-    where = Provenance(robot, 0, preset, name, jax.devices()[0].device_kind, "", "", {})
-    trainer = find_trainer(name)(Run(Path(tempfile.mkdtemp()), where, config), described)
+    provenance = Provenance(robot, 0, preset, name, jax.devices()[0].device_kind, "", "", {})
+    trainer = find_trainer(name)(Run(Path(tempfile.mkdtemp()), provenance, config), described)
     trainer.prepare(print)
     return trainer, config.ppo.steps_per_iteration
 
@@ -70,10 +70,10 @@ def measured(name: str, trainer: Any, iterations: int) -> tuple[float, dict[str,
         algorithm, environment = trainer.runner.alg, trainer.environment
         algorithm.update = clocked(algorithm.update, "learning", parts)
         environment.step = clocked(environment.step, "environment", parts)
-    waited_for(trainer.iterate)
-    waited_for(trainer.iterate)
+    seconds_of(trainer.iterate)
+    seconds_of(trainer.iterate)
     parts.clear()
-    seconds = [waited_for(trainer.iterate) for _ in range(iterations)]
+    seconds = [seconds_of(trainer.iterate) for _ in range(iterations)]
     return statistics.median(seconds), {part: total / iterations for part, total in parts.items()}
 
 
@@ -91,7 +91,7 @@ def clocked(function: Callable[..., Any], part: str, parts: dict[str, float]) ->
     return call
 
 
-def waited_for(iterate: Callable[[], dict[str, Any]]) -> float:
+def seconds_of(iterate: Callable[[], dict[str, Any]]) -> float:
     """Seconds until an iteration's metrics are ready."""
     began = time.perf_counter()
     jax.block_until_ready(iterate())

@@ -23,13 +23,13 @@ UNTIMED = 10  # number of first ticks without timing
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--ticks", type=int, default=2000)
-    given = parser.parse_args()
+    options = parser.parse_args()
     for kind, name in CASES:
         robot = load_robot(name)
         policy = kind(robot)
         n, height = len(robot.joint_names), robot.description.standing_height_m
         rng, act_ms = np.random.default_rng(0), []
-        for tick in range(given.ticks):
+        for tick in range(options.ticks):
             sensed = Sensed(
                 gyro=0.3 * rng.normal(size=3),
                 acceleration=np.array([0.0, 0.0, 9.81]),

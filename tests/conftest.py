@@ -83,12 +83,12 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
-handed_back: list[bool] = []  # everything, to the collector
+unfrozen: list[bool] = []  # not empty if a test has called gc.unfreeze
 
 
 def unfreeze(original: Callable[[], None] = gc.unfreeze) -> None:
     original()
-    handed_back.append(True)
+    unfrozen.append(True)
 
 
 gc.unfreeze = unfreeze
@@ -96,9 +96,9 @@ gc.unfreeze = unfreeze
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown() -> None:
-    """The collector looks at all objects again after a run in real time."""
-    if handed_back:
-        handed_back.clear()
+    """Freeze again after a run in real time, which has unfrozen all objects at its end."""
+    if unfrozen:
+        unfrozen.clear()
         gc.freeze()
 
 

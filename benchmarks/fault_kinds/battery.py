@@ -7,14 +7,14 @@ CELLS = 8
 EMPTY_AFTER_S = 12.0  # time until the pack of these rows is empty
 LOWERS = "speed and torque are limited while the pack is low; the robot lies down when it is empty"
 SMOOTHED = "both voltages are smoothed over 1 s, because a peak of current at a step is not a fault"
-READS_OFF_S = 2.0
+VOLTAGE_ERROR_S = 2.0
 
 
 def _nothing(injector: FaultInjector) -> None:
     """Injects nothing: the small pack runs empty by itself."""
 
 
-def _reads_off(cell_v: float) -> Injection:
+def _voltage_error(cell_v: float) -> Injection:
     """Motors report a wrong voltage."""
 
     def inject(injector: FaultInjector) -> None:
@@ -38,8 +38,8 @@ BATTERY = (
     *(
         FaultKind(
             f"battery's voltage reads {abs(volts):g} V a cell too {'high' if volts > 0 else 'low'}",
-            _reads_off(volts),
-            READS_OFF_S,
+            _voltage_error(volts),
+            VOLTAGE_ERROR_S,
             SMOOTHED,
             main=True,
             observed_s=3.0,

@@ -17,10 +17,10 @@ def _reboot(all_of_them: bool) -> Injection:
 
 def strength(of_one: float | None = None, of_all: float = 1.0) -> Injection:
     def inject(injector: FaultInjector) -> None:
-        strength = np.full(len(injector.robot.joint_names), of_all)
+        shares = np.full(len(injector.robot.joint_names), of_all)
         if of_one is not None:
-            strength[injector.joint] = of_one
-        injector.body.weaken(strength)
+            shares[injector.joint] = of_one
+        injector.body.weaken(shares)
 
     return inject
 
@@ -37,7 +37,7 @@ def _pushed(speed_m_s: float) -> Injection:
     return inject
 
 
-def put(quaternion: tuple[float, float, float, float]) -> Injection:
+def turned_over(quaternion: tuple[float, float, float, float]) -> Injection:
     return lambda injector: injector.turn_over(quaternion, 0.5)
 
 
@@ -78,7 +78,7 @@ BODY = (
     FaultKind("pushed over", _pushed(5.0), None, TILT),
     FaultKind(
         "turned upside down",
-        put((0.0, 1.0, 0.0, 0.0)),
+        turned_over((0.0, 1.0, 0.0, 0.0)),
         IMPLAUSIBLE_S,
     ),
 )

@@ -90,12 +90,12 @@ def imu_replayed(length: int = 100) -> Injection:
         def replay(batches: Batches, _: int) -> Batches:
             out = []
             for frames in batches:
-                again = frames
+                replayed = frames
                 if from_imu(frames):
                     kept.append(frames) if len(kept) < length else None
-                    again = frames._replace(data=kept[arrived[0] % length].data)
+                    replayed = frames._replace(data=kept[arrived[0] % length].data)
                     arrived[0] += 1
-                out.append(again)
+                out.append(replayed)
             return out
 
         injector.bus.incoming = replay
@@ -203,13 +203,13 @@ def second_host(injector: FaultInjector) -> None:
 
 
 def bus_lost_intermittently(injector: FaultInjector) -> None:
-    """A plug that makes no contact for 40 of 80 ms."""
+    """Replies of one bus are lost for 40 of 80 ms, as by a loose plug."""
     tick = [0]
 
     def incoming(batches: Batches, _: int) -> Batches:
         tick[0] += 1
-        off = tick[0] * TICK_S % 0.08 < 0.04
-        return [frames.take(frames.channel != injector.channel) if off else frames for frames in batches]
+        lost = tick[0] * TICK_S % 0.08 < 0.04
+        return [frames.take(frames.channel != injector.channel) if lost else frames for frames in batches]
 
     injector.bus.incoming = incoming
 

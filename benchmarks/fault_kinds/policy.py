@@ -39,8 +39,8 @@ def _command_nan(injector: FaultInjector) -> None:
 
 def _bang_bang(injector: FaultInjector, decision: JointCommand) -> JointCommand:
     lower, upper = injector.robot.soft_limits
-    sign = injector.rng.random() < 0.5
-    return decision._replace(position=upper if sign else lower, kp=np.full_like(lower, 500.0))
+    at_upper = injector.rng.random() < 0.5
+    return decision._replace(position=upper if at_upper else lower, kp=np.full_like(lower, 500.0))
 
 
 def _random(injector: FaultInjector, decision: JointCommand) -> JointCommand:

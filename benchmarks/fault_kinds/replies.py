@@ -52,7 +52,7 @@ def _row_frozen(row: int) -> Injection:
     return inject
 
 
-def position_off(by: Callable[[FaultInjector], float]) -> Injection:
+def encoder_jumps(by: Callable[[FaultInjector], float]) -> Injection:
     """A motor's encoder jumps: the motor reports the offset position, and controls on it."""
 
     def inject(injector: FaultInjector) -> None:
@@ -61,7 +61,7 @@ def position_off(by: Callable[[FaultInjector], float]) -> Injection:
     return inject
 
 
-def all_off(by: float) -> Injection:
+def all_encoders_jump(by: float) -> Injection:
     """All encoders jump by an angle, rad."""
 
     def inject(injector: FaultInjector) -> None:
@@ -70,7 +70,7 @@ def all_off(by: float) -> Injection:
     return inject
 
 
-def sector(injector: FaultInjector) -> float:
+def rotor_turn(injector: FaultInjector) -> float:
     """One turn of the rotor as an angle of the joint, rad."""
     return float(2 * np.pi / injector.robot.motor_figures("gear_ratio")[injector.joint])
 
@@ -156,13 +156,13 @@ def error(code: int) -> Injection:
 
 
 def _error_once(injector: FaultInjector) -> None:
-    left = [1]
+    pending = [True]
 
     def corrupt(frames: Frames, joint: np.ndarray) -> Frames:
         rows = np.flatnonzero(joint == injector.joint)
-        if not left[0] or not len(rows):
+        if not pending[0] or not len(rows):
             return frames
-        left[0] = 0
+        pending[0] = False
         data = frames.data.copy()
         data[rows, 7] = 2
         return frames._replace(data=data)
@@ -203,10 +203,10 @@ REPLIES = (
     FaultKind("torque zero", _zeroed(2), None, EXPLAINED),
     FaultKind("torque frozen", _row_frozen(2), None, STEADY),
     FaultKind("torque's sign reversed", _negative(2), None, EXPLAINED),
-    FaultKind("encoder jumps by 0.3 rad", position_off(lambda _: 0.3), main=True),
-    FaultKind("encoder jumps by 1 rad", position_off(lambda _: 1.0)),
-    FaultKind("encoder jumps by a turn", position_off(lambda _: 2 * np.pi), main=True),
-    FaultKind("encoder jumps by a turn of the rotor", position_off(sector)),
+    FaultKind("encoder jumps by 0.3 rad", encoder_jumps(lambda _: 0.3), main=True),
+    FaultKind("encoder jumps by 1 rad", encoder_jumps(lambda _: 1.0)),
+    FaultKind("encoder jumps by a turn", encoder_jumps(lambda _: 2 * np.pi), main=True),
+    FaultKind("encoder jumps by a turn of the rotor", encoder_jumps(rotor_turn)),
     FaultKind("encoder drifts by 1 rad/s", _drifting(1.0), 0.2, DRIFTS),
     FaultKind("ids of two motors swapped", ids_swapped, 0.6, ALIKE, main=True),
     FaultKind("two buses swapped", buses_swapped),

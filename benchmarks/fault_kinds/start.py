@@ -4,19 +4,19 @@ from typing import Any
 
 import numpy as np
 
-from fault_kinds.body import put, strength
+from fault_kinds.body import strength, turned_over
 from fault_kinds.frames import bus_dead, commands_lost, silent
 from fault_kinds.imu import changed, gyro_bias, imu_frame, imu_silent, leaning, loose, scaled
 from fault_kinds.kind import IMPLAUSIBLE_S, FaultKind
 from fault_kinds.policy import receive_raises, refused
 from fault_kinds.replies import (
     ALIKE,
-    all_off,
+    all_encoders_jump,
     buses_swapped,
+    encoder_jumps,
     error,
     ids_swapped,
-    position_off,
-    sector,
+    rotor_turn,
     temperature,
 )
 from footfall.common.constants import GRAVITY_M_S2
@@ -52,10 +52,10 @@ START = (
     _at_start("no commands arrive", commands_lost, reason=UNANSWERED),
     _at_start("a motor reports an error", error(3), IMPLAUSIBLE_S),
     _at_start("quaternion not a number", changed(_nan_quaternion), reason=UNANSWERED),
-    _at_start("one encoder off by a turn", position_off(lambda _: 2 * np.pi), 0.02, main=True),
-    _at_start("all encoders off by a turn", all_off(2 * np.pi), 0.02),
+    _at_start("one encoder off by a turn", encoder_jumps(lambda _: 2 * np.pi), 0.02, main=True),
+    _at_start("all encoders off by a turn", all_encoders_jump(2 * np.pi), 0.02),
     _at_start(
-        "one encoder off by a turn of the rotor", position_off(sector), None, reason=IN_RANGE, main=True
+        "one encoder off by a turn of the rotor", encoder_jumps(rotor_turn), None, reason=IN_RANGE, main=True
     ),
     _at_start("IMU tilted by 30 degrees", leaning(30.0), IMPLAUSIBLE_S, main=True),
     _at_start("IMU tilted by 15 degrees", leaning(15.0), IMPLAUSIBLE_S),
@@ -69,8 +69,8 @@ START = (
     _at_start("acceleration a fifth too high", scaled("acceleration", 1.2, 1.2, 1.2), IMPLAUSIBLE_S),
     _at_start("acceleration reads zero", scaled("acceleration", 0.0, 0.0, 0.0), IMPLAUSIBLE_S),
     _at_start("gyro off by 2 rad/s", gyro_bias(2.0), reason=UNANSWERED),
-    _at_start("robot upside down", put((0.0, 1.0, 0.0, 0.0)), IMPLAUSIBLE_S),
-    _at_start("robot on its side", put((1.0, 1.0, 0.0, 0.0)), IMPLAUSIBLE_S, main=True),
+    _at_start("robot upside down", turned_over((0.0, 1.0, 0.0, 0.0)), IMPLAUSIBLE_S),
+    _at_start("robot on its side", turned_over((1.0, 1.0, 0.0, 0.0)), IMPLAUSIBLE_S, main=True),
     _at_start("a motor at 90 degrees Celsius", temperature(90), IMPLAUSIBLE_S),
     _at_start("ids of two motors swapped", ids_swapped, WALKING_S, main=True, reason=ALIKE),
     _at_start("two buses swapped", buses_swapped, STARTED_S, reason=ALIKE),

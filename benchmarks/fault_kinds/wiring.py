@@ -13,7 +13,7 @@ FOUND_S = 30.0  # longest duration of the lying and the standing check of a robo
 ENDING = (
     "noticed once every joint has moved; an IMU on its side or a joint out of its range is noticed at once"
 )
-RIGHT = "no fault: nothing may be reported"
+CORRECT = "no fault: nothing may be reported"
 
 
 def _exchanged(injector: FaultInjector, first: np.ndarray, second: np.ndarray) -> None:
@@ -49,8 +49,8 @@ def two_motors(of_one_leg: bool) -> Injection:
         if of_one_leg:
             pair = rng.choice(legs[int(rng.integers(len(legs)))], 2, replace=False)
         else:
-            at = int(rng.integers(min(len(leg) for leg in legs)))
-            pair = np.array([leg[at] for leg in legs])[rng.choice(len(legs), 2, replace=False)]
+            place = int(rng.integers(min(len(leg) for leg in legs)))
+            pair = np.array([leg[place] for leg in legs])[rng.choice(len(legs), 2, replace=False)]
         _exchanged(injector, pair[:1], pair[1:])
 
     return inject
@@ -81,7 +81,7 @@ def _rows(lying: bool) -> tuple[FaultKind, ...]:
         return FaultKind(title, inject, within_s, reason, main=True, starting=True, wiring=True, lying=lying)
 
     return (
-        row("correct wiring", lambda _: None, None, RIGHT),
+        row("correct wiring", lambda _: None, None, CORRECT),
         row("plugs of two buses exchanged", two_buses),
         row("plugs of two legs exchanged", two_legs),
         row("two motors of a leg exchanged", two_motors(True)),

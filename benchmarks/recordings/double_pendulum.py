@@ -49,14 +49,14 @@ def accelerate(value: Mapping[str, Any], state: jnp.ndarray, drive: jnp.ndarray)
     q, v = state[:2], state[2:]
     tau = drive + friction_torque(v, _motor(value), drive)
     coriolis = value["coupling"] * jnp.sin(q[1])
-    both = value["gravity_2"] * jnp.sin(q[0] + q[1])
-    right_1 = tau[0] + coriolis * (2.0 * v[0] + v[1]) * v[1] - value["gravity_1"] * jnp.sin(q[0]) - both
-    right_2 = tau[1] - coriolis * v[0] ** 2 - both
+    weight_2 = value["gravity_2"] * jnp.sin(q[0] + q[1])
+    rhs_1 = tau[0] + coriolis * (2.0 * v[0] + v[1]) * v[1] - value["gravity_1"] * jnp.sin(q[0]) - weight_2
+    rhs_2 = tau[1] - coriolis * v[0] ** 2 - weight_2
     m11 = value["inertia_1"] + 2.0 * value["coupling"] * jnp.cos(q[1])
     m12 = value["inertia_12"] + value["coupling"] * jnp.cos(q[1])
     m22 = value["inertia_2"]
     determinant = jnp.maximum(m11 * m22 - m12 * m12, 1e-5)
-    return jnp.stack([m22 * right_1 - m12 * right_2, m11 * right_2 - m12 * right_1]) / determinant
+    return jnp.stack([m22 * rhs_1 - m12 * rhs_2, m11 * rhs_2 - m12 * rhs_1]) / determinant
 
 
 def _motor(value: Mapping[str, Any]) -> Motor:

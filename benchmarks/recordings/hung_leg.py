@@ -63,7 +63,7 @@ def leg_windows(
         read_hz: rate of the readings that are used.
     """
     zero = np.zeros(leg.count)
-    own = replace(
+    nominal_leg = replace(
         leg,
         armature=np.array(nominal.armature),
         motor=leg.motor._replace(
@@ -73,15 +73,17 @@ def leg_windows(
         ),
     )
     windows = cut(recording, leg.joints, window_s, float(leg.model.opt.timestep), read_hz)
-    unit = {"armature": own.armature, "joint_friction": own.motor.friction}
-    guess = {"kp": 1.0, **{name: values for name, values in unit.items()}}
+    # Parameters are relative to these, numbers are absolute.
+    nominal_values = {"armature": nominal_leg.armature, "joint_friction": nominal_leg.motor.friction}
+    guess = {"kp": 1.0, **nominal_values}
     numbers, factors, parameters = [], [], []
     for free in FREE:
         if free.quantity in quantities:
             for index, joint in enumerate(leg.joint_names):
-                first = float(np.broadcast_to(guess.get(free.quantity, 0.0), leg.count)[index])
-                numbers.append(Number(f"{free.quantity} {joint}", free.unit, first, *free[2:]))
-                factors.append(float(unit[free.quantity][index]) if free.quantity in unit else 1.0)
+                initial = float(np.broadcast_to(guess.get(free.quantity, 0.0), leg.count)[index])
+                numbers.append(Number(f"{free.quantity} {joint}", free.unit, initial, *free[2:]))
+                relative = free.quantity in nominal_values
+                factors.append(float(nominal_values[free.quantity][index]) if relative else 1.0)
                 parameters.append(Parameter(free.quantity, joint))
     numbers.append(Number(DELAY, "s", 0.003, 0.0, 0.02, 0.003))
     joints = leg.joint_names if QUANTITIES["delay_s"].owner_kind == "joint" else (LEG,)
@@ -89,9 +91,9 @@ def leg_windows(
 
     def predict(candidates: np.ndarray, start: np.ndarray) -> np.ndarray:
         scaled = candidates[:-1] / np.array(factors)[:, None]
-        each = np.concatenate([scaled, np.repeat(candidates[-1:], len(joints), axis=0)])
-        values = values_of(own, parameters, each)
-        return simulate(own, windows, values, start.reshape(*start.shape[:2], 2, leg.count)).position
+        with_delays = np.concatenate([scaled, np.repeat(candidates[-1:], len(joints), axis=0)])
+        values = values_of(nominal_leg, parameters, with_delays)
+        return simulate(nominal_leg, windows, values, start.reshape(*start.shape[:2], 2, leg.count)).position
 
     return Shooting(
         predict,

@@ -21,16 +21,16 @@ MAX_RAD_S = 60.0  # clip on joint speeds, so that a bad candidate stays finite
 class Inputs(NamedTuple):
     """Inputs of the motors over W windows, by physics step, and the times of readings."""
 
-    given: np.ndarray  # (W, M + S, u) inputs from M steps before the start on
+    values: np.ndarray  # (W, M + S, u) inputs from M steps before the start on
     margin: int  # M, the longest delay, steps
     step_s: float
     read: np.ndarray  # (W, R) times of readings, steps from the start, fractional
 
 
-def delayed(given: jnp.ndarray, delay: jnp.ndarray) -> jnp.ndarray:
+def delayed(values: jnp.ndarray, delay: jnp.ndarray) -> jnp.ndarray:
     """An input (T,) delayed by a number of steps, which may be fractional."""
-    at = jnp.arange(given.shape[0], dtype=float)
-    return jnp.interp(at - delay, at, given)
+    at = jnp.arange(values.shape[0], dtype=float)
+    return jnp.interp(at - delay, at, values)
 
 
 def rollouts(
@@ -51,21 +51,21 @@ def rollouts(
     """
     names = [each.name for each in numbers]
     with jax.enable_x64(True):
-        given, read = jnp.asarray(inputs.given), jnp.asarray(inputs.read)
-        before = jnp.floor(read).astype(int).clip(0, given.shape[1] - inputs.margin - 1)
+        values, read = jnp.asarray(inputs.values), jnp.asarray(inputs.read)
+        before = jnp.floor(read).astype(int).clip(0, values.shape[1] - inputs.margin - 1)
         share = read - before
-        windows = jnp.arange(given.shape[0])
+        windows = jnp.arange(values.shape[0])
 
-    def one(number: jnp.ndarray, start: jnp.ndarray, window: jnp.ndarray) -> jnp.ndarray:
+    def simulate_window(number: jnp.ndarray, start: jnp.ndarray, window: jnp.ndarray) -> jnp.ndarray:
         value = dict(zip(names, number, strict=True))
         columns = []
-        for column in range(given.shape[2]):
-            mine = given[window, :, column]
+        for column in range(values.shape[2]):
+            column_values = values[window, :, column]
             delay = delays[column] if column < len(delays) else None
             scale = scales[column] if column < len(scales) else None
             if delay in value:
-                mine = delayed(mine, value[delay] / inputs.step_s)
-            columns.append(mine * value[scale] if scale in value else mine)
+                column_values = delayed(column_values, value[delay] / inputs.step_s)
+            columns.append(column_values * value[scale] if scale in value else column_values)
         drive = jnp.stack(columns, axis=-1)[inputs.margin :]
         n = start.shape[0] // 2
 
@@ -80,10 +80,10 @@ def rollouts(
         low, high = path[before[window]], path[before[window] + 1]
         return low + share[window][:, None] * (high - low)
 
-    every = jax.jit(jax.vmap(jax.vmap(one, (None, 0, 0)), (1, 0, None)))
+    simulate_windows = jax.jit(jax.vmap(jax.vmap(simulate_window, (None, 0, 0)), (1, 0, None)))
 
     def simulate(numbers: np.ndarray, start: np.ndarray) -> np.ndarray:
         with jax.enable_x64(True):
-            return np.asarray(every(jnp.asarray(numbers), jnp.asarray(start), windows))
+            return np.asarray(simulate_windows(jnp.asarray(numbers), jnp.asarray(start), windows))
 
     return simulate

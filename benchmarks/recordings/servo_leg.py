@@ -31,7 +31,7 @@ PENDULUM = """
 
 def servo_leg(value: Mapping[str, float], log: Log) -> FixedLeg:
     """The pendulum of a recording, with fitted numbers of `servo_pendulum.NUMBERS`."""
-    mass, length, supply = log.given[0, 3:]
+    mass, length, supply = log.inputs[0, 3:]
     text = PENDULUM.format(
         step=PLANT_TIMESTEP_S, gravity=GRAVITY, armature=value["armature"], length=length, mass=mass
     )
@@ -69,7 +69,7 @@ def servo_recording(log: Log, stiffness: float) -> Recording:
     """
     rows = len(log.time_s)
     command = np.zeros((rows, 5, 1))
-    command[:, 0, 0], command[:, 2, 0] = log.given[:, 0], stiffness * log.gain
+    command[:, 0, 0], command[:, 2, 0] = log.inputs[:, 0], stiffness * log.gain
     return Recording(
         source=log.name,
         time_s=log.time_s,

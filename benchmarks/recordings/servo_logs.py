@@ -79,7 +79,7 @@ class Log(NamedTuple):
     gain: float
     time_s: np.ndarray  # (T,)
     position: np.ndarray  # (T,) rad
-    given: np.ndarray  # (T, 6) inputs of `accelerate`
+    inputs: np.ndarray  # (T, 6) inputs of `accelerate`
 
 
 @functools.cache
@@ -108,8 +108,8 @@ def read(path: Path, servo: Servo) -> Log:
         name = f"{content['trajectory']}, kp {gain:g}"
     except (json.JSONDecodeError, KeyError, TypeError) as error:
         raise UserError(f"{path} is not a recording of a servo: {error!r}") from None
-    given = np.column_stack([goal, enabled, *np.broadcast_to(np.array(rest)[:, None], (4, len(time_s)))])
-    return Log(name, gain, time_s, position, given)
+    inputs = np.column_stack([goal, enabled, *np.broadcast_to(np.array(rest)[:, None], (4, len(time_s)))])
+    return Log(name, gain, time_s, position, inputs)
 
 
 @functools.cache
@@ -134,13 +134,13 @@ def makers_problem(folder: str, servo: str, window_s: float = 1.0) -> Shooting:
 
 def _windows(found: Sequence[Log], numbers: tuple[Number, ...], law: Accelerate, window_s: float) -> Shooting:
     margin, steps = round(MARGIN_S / STEP_S), round(window_s / STEP_S)
-    given, read_at, measured, starts, recording = [], [], [], [], []
+    input_values, read_at, measured, starts, recording = [], [], [], [], []
     for index, log in enumerate(found):
         begin = log.time_s[0] + MARGIN_S / 2
         for window in range(int((log.time_s[-1] - begin) / window_s)):
             start_s = begin + window * window_s
             grid = start_s + STEP_S * np.arange(-margin, steps)
-            given.append(log.given[(np.searchsorted(log.time_s, grid, side="right") - 1).clip(0)])
+            input_values.append(log.inputs[(np.searchsorted(log.time_s, grid, side="right") - 1).clip(0)])
             rows = np.searchsorted(log.time_s, start_s + np.arange(int(window_s * READ_HZ)) / READ_HZ)
             rows = rows.clip(0, len(log.time_s) - 1)
             read_at.append(((log.time_s[rows] - start_s) / STEP_S).clip(0.0, steps))
@@ -150,7 +150,7 @@ def _windows(found: Sequence[Log], numbers: tuple[Number, ...], law: Accelerate,
             curve = np.polynomial.polynomial.polyfit(log.time_s[near] - start_s, log.position[near], 2)
             starts.append(curve[:2])
             recording.append(index)
-    inputs = Inputs(np.stack(given), margin, STEP_S, np.array(read_at))
+    inputs = Inputs(np.stack(input_values), margin, STEP_S, np.array(read_at))
     return Shooting(
         rollouts(law, inputs, numbers, ("delay", "delay")),
         numbers,

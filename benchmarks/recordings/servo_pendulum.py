@@ -48,18 +48,18 @@ def motor_of(value: Mapping[str, Any], supply: Any) -> Motor:
 
 
 def accelerate(
-    value: Mapping[str, Any], state: jnp.ndarray, given: jnp.ndarray, both_sides: bool = False
+    value: Mapping[str, Any], state: jnp.ndarray, inputs: jnp.ndarray, both_sides: bool = False
 ) -> jnp.ndarray:
     """Acceleration, rad/s^2, (1,), over a linearly implicit step as in the environments.
 
     Args:
         value: numbers by name.
         state: position and velocity.
-        given: goal, rad; 1 with torque enabled; duty per rad; mass, kg; length, m; supply, V.
+        inputs: goal, rad; 1 with torque enabled; duty per rad; mass, kg; length, m; supply, V.
         both_sides: load of the gearbox is the larger of motor torque and weight, which the joint law lacks.
     """
     q, v = state
-    goal, enabled, gain, mass, length, supply = given
+    goal, enabled, gain, mass, length, supply = inputs
     motor, zero = motor_of(value, supply), jnp.zeros(())
     command = JointCommand(goal, zero, gain * motor.stall_torque, zero, zero)
     drive = enabled * motor_torque(command, q, v, motor)
@@ -73,26 +73,26 @@ def accelerate(
     return ((drive + friction_torque(v, motor, load) - weight) / inertia)[None]
 
 
-def accelerate_both_sides(value: Mapping[str, Any], state: jnp.ndarray, given: jnp.ndarray) -> jnp.ndarray:
+def accelerate_both_sides(value: Mapping[str, Any], state: jnp.ndarray, inputs: jnp.ndarray) -> jnp.ndarray:
     """`accelerate` with friction from both sides of the gearbox."""
-    return accelerate(value, state, given, both_sides=True)
+    return accelerate(value, state, inputs, both_sides=True)
 
 
-def accelerate_makers(value: Mapping[str, Any], state: jnp.ndarray, given: jnp.ndarray) -> jnp.ndarray:
+def accelerate_makers(value: Mapping[str, Any], state: jnp.ndarray, inputs: jnp.ndarray) -> jnp.ndarray:
     """Law of Duclusaud et al. (arXiv 2410.08650), models M1 and M4: friction that stops the joint.
 
     The friction is at most b + l |weight - motor| + exp(-|v / v_s|^a) (b_s + l_s |weight - motor|) + viscous
     |v|.
     """
     q, v = state
-    goal, enabled, gain, mass, length, supply = given
+    goal, enabled, gain, mass, length, supply = inputs
     duty = jnp.clip(gain * (goal - q), -1.0, 1.0)
     drive = enabled * value["kt"] / value["resistance"] * (supply * duty - value["kt"] * v)
     weight = -mass * GRAVITY * length * jnp.sin(q + value["offset"])
     load = jnp.abs(weight - drive)
-    slow = jnp.exp(-(jnp.abs(v / value["stribeck_speed"]) ** value["alpha"]))
+    stribeck_share = jnp.exp(-(jnp.abs(v / value["stribeck_speed"]) ** value["alpha"]))
     max_friction = value["coulomb"] + value["load_friction"] * load + value["viscous"] * jnp.abs(v)
-    max_friction = max_friction + slow * (value["stribeck"] + value["load_stribeck"] * load)
+    max_friction = max_friction + stribeck_share * (value["stribeck"] + value["load_stribeck"] * load)
     inertia = mass * length**2 + value["armature"]
-    stops = inertia / STEP_S * v + drive + weight
-    return ((drive + weight - jnp.clip(stops, -max_friction, max_friction)) / inertia)[None]
+    stopping_torque = inertia / STEP_S * v + drive + weight
+    return ((drive + weight - jnp.clip(stopping_torque, -max_friction, max_friction)) / inertia)[None]

@@ -45,7 +45,7 @@ def main() -> int:
     parser.add_argument("python", type=Path, help="a Python that has rclpy")
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--policy", default="trot", help="name of a policy with gaits")
-    parser.add_argument("--priority", type=int, help="of the loop, SCHED_FIFO: on a busy computer")
+    parser.add_argument("--priority", type=int, help="SCHED_FIFO priority of the loop, for a busy computer")
     parser.add_argument("--backend", choices=("rclpy", "cyclonedds"), default="rclpy")
     options = parser.parse_args()
     environment = {**os.environ, "ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
@@ -72,7 +72,7 @@ def main() -> int:
                 looks, env=environment, stdout=subprocess.PIPE, text=True, timeout=LOOK_TIMEOUT_S, check=False
             )
             try:
-                summary = run.communicate(timeout=LIE_DOWN_S)[0]  # it was stopped
+                summary = run.communicate(timeout=LIE_DOWN_S)[0]  # the checks have stopped the run
             except subprocess.TimeoutExpired:
                 run.terminate()
                 summary = run.communicate()[0]

@@ -1,4 +1,4 @@
-"""Builds the two message packages that ROS 2 from PyPI lacks, as far as a run uses them, for `check.py`.
+"""Builds the used parts of two message packages that ROS 2 from PyPI lacks, for `check.py`.
 
     python -m venv jazzy && jazzy/bin/pip install "ros-jazzy-rclpy[fastrtps]" ros-jazzy-common-interfaces
     python benchmarks/ros2/interfaces.py jazzy/bin/python jazzy
@@ -74,11 +74,11 @@ ament_package()
 """
 
 
-def run(*command: str | Path, **how: str) -> None:
-    subprocess.run(list(map(str, command)), check=True, stdout=subprocess.DEVNULL, **how)  # type: ignore[call-overload]
+def run(*command: str | Path) -> None:
+    subprocess.run(list(map(str, command)), check=True, stdout=subprocess.DEVNULL)
 
 
-def mend(prefix: Path, python: Path) -> None:
+def correct_paths(prefix: Path, python: Path) -> None:
     """Write this environment's folders into the wheels' files for cmake."""
     ask = "import sysconfig; print(sysconfig.get_path('include')); print(sysconfig.get_path('purelib'))"
     answer = subprocess.run([python, "-c", ask], check=True, capture_output=True, text=True)
@@ -118,15 +118,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("python", type=Path, help="of the environment with rclpy")
+    parser.add_argument("python", type=Path, help="Python of the environment with rclpy")
     parser.add_argument("distribution", choices=OWN)
     options = parser.parse_args()
-    python, of_ros = options.python.absolute(), f"ros-{options.distribution}-"
+    python = options.python.absolute()
     tools = [*TOOLS, *OWN[options.distribution], *(f"ament-cmake-{part}" for part in AMENT_CMAKE.split())]
-    wheels = [of_ros + tool for tool in tools]
+    wheels = [f"ros-{options.distribution}-{tool}" for tool in tools]
     run(python, "-m", "pip", "install", "-q", "catkin_pkg", *wheels)
     prefix = python.parents[1]
-    mend(prefix, python)
+    correct_paths(prefix, python)
     with tempfile.TemporaryDirectory() as folder:
         for package in PACKAGES:
             build(package, prefix, python, Path(folder))

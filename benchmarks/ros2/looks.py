@@ -49,11 +49,11 @@ def steer(peer: Peer) -> None:
     peer.drive(publisher, velocity(0.3), 4.0)
     after = peer.latest("/odom")
     old, new = before.pose.pose.position, after.pose.pose.position
-    distance_m, passed_s = math.hypot(new.x - old.x, new.y - old.y), stamp_s(after) - stamp_s(before)
+    distance_m, duration_s = math.hypot(new.x - old.x, new.y - old.y), stamp_s(after) - stamp_s(before)
     report(
         "cmd_vel of 0.3 m/s: mean speed, m/s (a hexapod is slower)",
-        0.05 < distance_m / passed_s < 0.4,
-        round(distance_m / passed_s, 3),
+        0.05 < distance_m / duration_s < 0.4,
+        round(distance_m / duration_s, 3),
     )
     speeds = [m.twist.twist.linear.x for at_s, m in peer.received["/odom"] if at_s > time.monotonic() - 2.0]
     report(
@@ -80,8 +80,7 @@ def killed_publisher(peer: Peer) -> None:
     process.wait()
 
     def zero_s() -> float:
-        """Time stamp of the run's first zero command after the kill, independent of delays of this
-        process."""
+        """Time stamp of the run's first zero command after the kill, without delays of this process."""
         zeros = (stamp_s(m) for _, m in commands if m.twist.linear.x == 0.0)
         return next((at_s for at_s in zeros if at_s > killed_s), 0.0)
 
@@ -125,13 +124,13 @@ def ask(peer: Peer, expected: list[list[str]]) -> None:
     ranges = described.descriptors[0].floating_point_range if described else []
     report("a parameter's range", len(ranges) == 1, str(ranges))
     span = ranges[0]
-    for value, right in ((0.5 * (span.from_value + span.to_value), True), (span.to_value + 1.0, False)):
+    for value, accepted in ((0.5 * (span.from_value + span.to_value), True), (span.to_value + 1.0, False)):
         parameter = Parameter(name="step_height_m", value=ParameterValue(type=3, double_value=value))
         answer = peer.call(
             SetParameters, "/footfall/set_parameters", SetParameters.Request(parameters=[parameter])
         )
         result = answer.results[0] if answer else None
-        report(f"step_height_m to {value:.3f}", result and result.successful == right, str(result))
+        report(f"step_height_m to {value:.3f}", result and result.successful == accepted, str(result))
 
 
 def follow(peer: Peer) -> None:
@@ -163,9 +162,9 @@ def follow(peer: Peer) -> None:
     peer.spin(2.0)
     end, goal = peer.latest("/odom").pose.pose.position, path.poses[-1].pose.position
     error_m = math.hypot(end.x - goal.x, end.y - goal.y)
-    falling = len(feedback) > 3 and feedback[-1] < feedback[0]
+    decreases = len(feedback) > 3 and feedback[-1] < feedback[0]
     report("action follow_path", status == 4 and error_m < 0.15, [status, f"error {error_m:.3f} m"])
-    report("its feedback", falling, [round(each, 2) for each in feedback[:: max(1, len(feedback) // 5)]])
+    report("its feedback", decreases, [round(each, 2) for each in feedback[:: max(1, len(feedback) // 5)]])
     far = kind.Goal(path=path)
     far.path.poses[-1].pose.position.x += 3.0
     sending = client.send_goal_async(far)

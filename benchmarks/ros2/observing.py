@@ -16,7 +16,7 @@ from std_msgs.msg import String
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RATES = {"/joint_states": 200.0, "/imu/data": 200.0, "/odom": 50.0, "/tf": 50.0}
-WALKING_PATIENCE_S = 60.0
+WALKING_TIMEOUT_S = 60.0
 
 
 def stamp_s(message: Any) -> float:
@@ -65,8 +65,7 @@ def look_at_graph(peer: Peer, table: dict[str, Any]) -> None:
 
 
 def look_at_values(peer: Peer) -> None:
-    """Check messages: latched ones reach late subscribers, others have the table's rates and plausible
-    values."""
+    """Check that latched messages reach late subscribers, and rates and values of the others."""
     peer.listen("/robot_description", String, LATCHED)
     peer.listen("/tf_static", import_module("tf2_msgs.msg").TFMessage, LATCHED)
     peer.listen("/tf", import_module("tf2_msgs.msg").TFMessage, 100)
@@ -85,7 +84,7 @@ def look_at_values(peer: Peer) -> None:
     static = peer.latest("/tf_static")
     fixed = [] if static is None else [each.child_frame_id for each in static.transforms]
     report("latched /tf_static", "imu_link" in fixed, fixed)
-    walking = peer.until(lambda: "WALKING" in state(peer), WALKING_PATIENCE_S)
+    walking = peer.until(lambda: "WALKING" in state(peer), WALKING_TIMEOUT_S)
     report("latched state", walking, state(peer))
     for topic, max_hz in RATES.items():
         seen = rate_hz(peer, topic, 2.0)

@@ -19,9 +19,9 @@ class Peer:
         self.executor.add_node(self.node)
         self.received: dict[str, list[tuple[float, Any]]] = {}
 
-    def listen(self, topic: str, kind: Any, quality: Any = 10) -> None:
+    def listen(self, topic: str, kind: Any, qos: Any = 10) -> None:
         kept = self.received.setdefault(topic, [])
-        self.node.create_subscription(kind, topic, lambda m: kept.append((time.monotonic(), m)), quality)
+        self.node.create_subscription(kind, topic, lambda m: kept.append((time.monotonic(), m)), qos)
 
     def spin(self, seconds: float) -> None:
         self.until(lambda: False, seconds)

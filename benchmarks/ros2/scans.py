@@ -42,8 +42,8 @@ while not publisher.get_subscription_count():
 print("received", flush=True)
 end_s = time.monotonic() + float(sys.argv[2])
 while time.monotonic() < end_s:
-    few = time.monotonic() > end_s - 1.0
-    publisher.publish(Float32MultiArray(data=[-0.3 + 0.001 * i for i in range(3 if few else size)]))
+    wrong_size = time.monotonic() > end_s - 1.0
+    publisher.publish(Float32MultiArray(data=[-0.3 + 0.001 * i for i in range(3 if wrong_size else size)]))
     time.sleep(0.04)
 """
 
@@ -80,18 +80,18 @@ def main() -> int:
             run.wait(START_S + WALKING_S)
             mapper.kill()
         notes, fell = (json.loads(result.read_text())[key] for key in ("notes", "fell"))
-        kept = read_log(log, (INPUTS,))
+        content = read_log(log, (INPUTS,))
         inputs = [
-            unflatten(np.array(entry.message.data), len(kept.joints), scan.size, kept.foot_sensors)
-            for entry in kept.entries
+            unflatten(np.array(entry.message.data), len(content.joints), scan.size, content.foot_sensors)
+            for entry in content.entries
         ]
     sent = -0.3 + 0.001 * np.arange(scan.size)
-    read = [each.height_scan for each in inputs if each.height_scan is not None]
-    right = sum(np.allclose(each, sent, atol=1e-4) for each in read)
+    scans = [each.height_scan for each in inputs if each.height_scan is not None]
+    equal = sum(np.allclose(each, sent, atol=1e-4) for each in scans)
     findings = [
         ("the run subscribes", received, "/height_scan"),
-        ("policy steps with a scan", 50 < len(read) < len(inputs), f"{len(read)} of {len(inputs)}"),
-        ("scans equal the published ones", right == len(read), f"{right} of {len(read)}"),
+        ("policy steps with a scan", 50 < len(scans) < len(inputs), f"{len(scans)} of {len(inputs)}"),
+        ("scans equal the published ones", equal == len(scans), f"{equal} of {len(scans)}"),
         ("a scan of another grid is noted", any("3 heights" in each for each in notes), notes),
         ("the last scan expires", inputs[-1].height_scan is None, f"{scan.max_age_s} s at most"),
         ("no fall", not fell, ""),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from some_motors import frame, hexed, introduce, two_motors, with_motors
+from some_motors import frame, hexed, read_settings, two_motors, with_motors
 
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.damiao import DamiaoDriver
@@ -17,7 +17,7 @@ TWO = two_motors("DM4310", "DM8009")
 @pytest.fixture
 def driver() -> DamiaoDriver:
     driver = DamiaoDriver(TWO)
-    introduce(driver, DamiaoMotorEnd(TWO))
+    read_settings(driver, DamiaoMotorEnd(TWO))
     return driver
 
 
@@ -49,7 +49,7 @@ class TestFrames:
 def test_a_motors_own_ranges_are_used() -> None:
     own = [MotorRange(25.0, 12.0, position=6.0), MotorRange(45.0, 54.0)]
     driver, end = DamiaoDriver(TWO), DamiaoMotorEnd(TWO, own)
-    assert introduce(driver, end) == 5  # registers, one at a time
+    assert read_settings(driver, end) == 5  # registers, one at a time
     assert driver.highest[:, 0].tolist() == [6.0, 25.0, 500.0, 5.0, 12.0]
     assert driver.lowest[[0, 1, 4], 0].tolist() == [-6.0, -25.0, -12.0]
     command = np.array([[1.5, -2.0], [3.0, 4.0], [50.0, 60.0], [1.0, 2.0], [5.0, -6.0]])

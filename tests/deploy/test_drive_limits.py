@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from changed_robots import with_each_motor
-from some_motors import MAKERS, introduce, with_motors
+from some_motors import MAKERS, read_settings, with_motors
 
 from footfall import Robot, UserError
 from footfall.deploy.drivers.choice import open_driver
@@ -35,7 +35,7 @@ def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker:
     driver, end = open_driver(wiring), open_motor_end(wiring)
     assert not np.allclose(set_in(end, maker), wiring.highest)
     if maker != "ODrive":
-        introduce(driver, end)
+        read_settings(driver, end)
     else:
         for _ in range(5):
             result = end.settings_replies(driver.query_settings())

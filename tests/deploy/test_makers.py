@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from reports import report
-from some_motors import MAKERS, introduce, two_motors, with_motors
+from some_motors import MAKERS, read_settings, two_motors, with_motors
 
 from footfall import Robot, run_episode
 from footfall.deploy.drivers import damiao, robstride
@@ -33,7 +33,7 @@ def both_ends(wiring: Wiring) -> tuple[Any, Any]:
     """A driver that has read all settings, and its simulated motors."""
     driver, end = open_driver(wiring), open_motor_end(wiring)
     if wiring is not ODRIVE:
-        introduce(driver, end)
+        read_settings(driver, end)
     return driver, end
 
 
@@ -86,7 +86,7 @@ class TestSettings:
         driver, end = open_driver(wiring), open_motor_end(wiring)
         settings, timeout = self.own(end)
         settings[timeout] = setting
-        introduce(driver, end)
+        read_settings(driver, end)
         assert settings[timeout] == kept
 
     @pytest.mark.parametrize(("setting", "message"), [(0, "has no"), (20_000, "1 s")])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from some_motors import frame as plain_frame
-from some_motors import introduce, two_motors
+from some_motors import read_settings, two_motors
 
 from footfall.deploy.drivers.robstride import RobstrideDriver
 from footfall.deploy.frames import EXTENDED, Frames
@@ -26,7 +26,7 @@ def hexed(frames: Frames) -> list[tuple[str, str]]:
 @pytest.fixture
 def driver() -> RobstrideDriver:
     driver = RobstrideDriver(TWO)
-    introduce(driver, RobstrideMotorEnd(TWO))
+    read_settings(driver, RobstrideMotorEnd(TWO))
     return driver
 
 

@@ -82,4 +82,4 @@ def test_all_that_can_be_unfolded_is_open_on_paper_and_closed_again_after_it(pag
     page.ask("Page.printToPDF")
     assert page.value("window.foldedInPrint") == 0
     assert page.value(folded) == before
-    assert page.complaints == []
+    assert page.errors == []

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from edited import edit
-from quick_relaxed import written
+from quick_relaxed import write_quick
 from recorder import Recorder
 from shell import Shell
 from tiny_policy import write_policy
@@ -27,7 +27,7 @@ def test_a_users_robot_and_policy_are_deployed(shell: Shell, own_folder: Path, t
     onnx = pytest.importorskip("onnx")
     edit(own_folder, "robot.yaml", "name: go1", "name: mine")
     walk = write_policy(onnx, tmp_path / "walk.onnx", own_folder)
-    assert shell("deploy", walk, "--robot", own_folder, *SHORT, "--config", written(tmp_path)).status == 0
+    assert shell("deploy", walk, "--robot", own_folder, *SHORT, "--config", write_quick(tmp_path)).status == 0
     assert "mine" in shell.refuses("deploy", walk, *SHORT)
 
 

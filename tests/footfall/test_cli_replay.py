@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from edited import edit
-from quick_relaxed import written
+from quick_relaxed import write_quick
 from shell import Shell
 from tiny_policy import write_policy
 
@@ -16,7 +16,7 @@ from footfall.robots.description import ROBOTS
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
     """Options of a brief run that stands up and lies down quickly."""
-    return "--duration", "0.3", "--config", written(tmp_path_factory.mktemp("quick"))
+    return "--duration", "0.3", "--config", write_quick(tmp_path_factory.mktemp("quick"))
 
 
 @pytest.fixture(scope="module")

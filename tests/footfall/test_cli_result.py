@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from quick_relaxed import written
+from quick_relaxed import write_quick
 
 FOOTFALL = [sys.executable, "-m", "footfall"]
 
@@ -19,7 +19,7 @@ FOOTFALL = [sys.executable, "-m", "footfall"]
 def walk(tmp_path: Path) -> list[str]:
     """A command for a short run by the wall clock, with figures in run.json."""
     return [
-        *FOOTFALL, "deploy", "stand", "--realtime", "--config", written(tmp_path),
+        *FOOTFALL, "deploy", "stand", "--realtime", "--config", write_quick(tmp_path),
         "--json", str(tmp_path / "run.json"), "--duration",
     ]  # fmt: skip
 

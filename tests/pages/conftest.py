@@ -20,8 +20,8 @@ def viser_installed() -> None:
 @pytest.fixture
 def begun(tmp_path: Path) -> Path:
     """A run that has started and has nothing to show yet."""
-    made = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
-    return create_run(tmp_path / "run", made, load_preset("smoke")).folder
+    provenance = Provenance("go1", 0, "smoke", "brax", "cpu", "unknown", "2026-01-01", {})
+    return create_run(tmp_path / "run", provenance, load_preset("smoke")).folder
 
 
 @pytest.fixture

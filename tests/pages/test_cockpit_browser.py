@@ -80,5 +80,5 @@ def test_a_motion_lasts_as_long_as_its_key_is_held(opened: SimpleNamespace) -> N
     page.wait_for(lambda page: "Stopped" in page.text)
     assert stands()
     assert page.value("document.documentElement.scrollWidth <= innerWidth")
-    assert page.complaints == []
+    assert page.errors == []
     assert all(address.split("/")[2].startswith("localhost") for address in page.requested if "//" in address)

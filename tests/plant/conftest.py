@@ -13,9 +13,9 @@ ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]
 
 @pytest.fixture
 def altered(own_folder: Path) -> Robot:
-    """go1 with its joints in another order and a foot of two spheres; before it a gate that swings."""
+    """go1 with joints in another order and a foot of two spheres; its MJCF begins with a swinging gate."""
     gate = '<body pos="3 0 1"><joint name="gate" axis="0 0 1" ref="0.7"/><geom size="0.2"/></body>'
-    # three centimetres behind it in the default pose
+    # The heel is three centimetres behind the foot in the default pose.
     heel = '<geom name="FR_foot" class="foot"/><geom name="FR_heel" class="foot" pos="-0.01865 0 -0.1895"/>'
     edit(own_folder, "robot.xml", "<worldbody>", f"<worldbody>{gate}")
     edit(own_folder, "robot.xml", '<geom name="FR_foot" class="foot"/>', heel)

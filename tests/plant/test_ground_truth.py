@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from plant_bodies import body_of, thrown, thrown_up
+from plant_bodies import body_of, lift, throw
 from scipy.spatial.transform import Rotation
 
 from footfall.plant.engines.engine import MujocoEngine
@@ -16,7 +16,7 @@ from footfall.robots.model import read_plant
 class TestTruth:
     def test_every_part_of_the_state_is_found_in_a_plant_of_more_than_the_robot(self, altered: Robot) -> None:
         body = body_of(altered)
-        thrown(body)
+        throw(body)
         data, model = body.data, body.model
         truth = body.truth()
         turn = Rotation.from_quat(data.qpos[4:8], scalar_first=True)
@@ -56,11 +56,11 @@ class TestTruth:
         assert body.truth().foot_contact.all()
         assert not body.truth().legs_touch
         for leg in (0, 2):
-            thrown_up(body, go1.default_pose * np.tile((-1.0, 1.0, 1.0), 4))
+            lift(body, go1.default_pose * np.tile((-1.0, 1.0, 1.0), 4))
             assert not body.truth().legs_touch
             inwards = go1.default_pose.copy()
             inwards[[3 * leg, 3 * leg + 3]] = 0.45, -0.45
-            thrown_up(body, inwards)
+            lift(body, inwards)
             assert body.truth().legs_touch
             assert len({model.geom_bodyid[geom] for geom in data.contact.geom.ravel()}) == 2
 

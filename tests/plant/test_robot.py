@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from plant_bodies import body_of, thrown
+from plant_bodies import body_of, throw
 
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.robot import SimulatedRobot
@@ -42,7 +42,7 @@ class TestStart:
 
     def test_a_push_is_in_the_worlds_axes_and_acts_on_the_base_only(self, altered: Robot) -> None:
         body = body_of(altered)
-        thrown(body)
+        throw(body)
         before = body.data.qvel.copy()
         body.push((0.1, -0.2, 0.3))
         np.testing.assert_allclose((body.data.qvel - before)[:5], [0.0, 0.1, -0.2, 0.3, 0.0], atol=1e-12)

@@ -96,7 +96,7 @@ class TestStep:
                 lifted.append(time_s)
 
         shove = (0.8, np.array([0.5, 0.0, 0.0]))
-        assert not walk(policy, plant, STANDING, 2.0, push=shove, frame=record).fell
+        assert not walk(policy, plant, STANDING, 2.0, push=shove, on_tick=record).fell
         assert lifted[0] < 0.8 + 0.1
 
     def test_a_turn_across_a_heading_of_pi_gives_the_same_swing(self) -> None:

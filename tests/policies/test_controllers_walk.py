@@ -50,7 +50,7 @@ def tilted(
         tilts.append(float(tilt(plant.data.qpos[3:7])))
         change(round(time_s * 500))
 
-    result = walk(policy, DirectPlant(ROBOT), lambda _: np.array(command), duration_s, frame=record)
+    result = walk(policy, DirectPlant(ROBOT), lambda _: np.array(command), duration_s, on_tick=record)
     return result, max(tilts)
 
 

@@ -36,7 +36,7 @@ def cells(page: Tab, column: int) -> list[str]:
 
 
 def test_pages_load_no_other_server(page: Tab) -> None:
-    assert page.complaints == []
+    assert page.errors == []
     assert [
         address for address in page.requested if not address.startswith(("file:", "data:", "blob:"))
     ] == []

@@ -9,11 +9,11 @@ from footfall.robots.importer.create import Imported
 
 @pytest.fixture(scope="session")
 def four(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
-    """The machine of a four-legged robot in a URDF."""
+    """A four-legged robot, imported from a URDF."""
     return make(tmp_path_factory.mktemp("four"), quadruped())
 
 
 @pytest.fixture(scope="session")
 def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
-    """The machine of a two-legged robot with soles in an MJCF."""
+    """A two-legged robot with soles, imported from an MJCF."""
     return make(tmp_path_factory.mktemp("two"), BIPED_MJCF, "xml")

@@ -41,12 +41,12 @@ def chromium() -> str | None:
 
 
 class Tab:
-    """One page, with the errors that it reported."""
+    """One page; collects the errors that it reports and the addresses that it requests."""
 
     def __init__(self, connection: Any) -> None:
         self._connection, self._numbers = connection, itertools.count(1)
-        self.complaints: list[str] = []
-        self.requested: list[str] = []  # addresses
+        self.errors: list[str] = []
+        self.requested: list[str] = []
         for domain in ("Runtime", "Log", "Page", "Network"):
             self.ask(f"{domain}.enable")
 
@@ -76,7 +76,7 @@ class Tab:
         """Wait until a condition holds; after 90 s an AssertionError shows the page's content instead."""
         end = time.monotonic() + 90.0
         while not condition(self):
-            assert time.monotonic() < end, f"{self.text!r}, complaints: {self.complaints}"
+            assert time.monotonic() < end, f"{self.text!r}, errors: {self.errors}"
             time.sleep(0.2)
 
     def picture(self, path: Path) -> None:
@@ -87,11 +87,11 @@ class Tab:
         parameters = message.get("params", {})
         match message.get("method"):
             case "Runtime.exceptionThrown":
-                self.complaints.append(json.dumps(parameters["exceptionDetails"])[:500])
+                self.errors.append(json.dumps(parameters["exceptionDetails"])[:500])
             case "Runtime.consoleAPICalled" if parameters["type"] in {"error", "assert"}:
-                self.complaints.append(json.dumps(parameters["args"])[:500])
+                self.errors.append(json.dumps(parameters["args"])[:500])
             case "Log.entryAdded" if parameters["entry"]["level"] == "error":
-                self.complaints.append(parameters["entry"]["text"])
+                self.errors.append(parameters["entry"]["text"])
             case "Network.requestWillBeSent":
                 self.requested.append(parameters["request"]["url"])
 

@@ -38,7 +38,7 @@ class Hold:
 
 
 class Sway(Hold):
-    """Bends the knees to and fro, a little differently for each command."""
+    """Swings all joints together; a pitch rate of the base adds to it."""
 
     name = "sway"
 

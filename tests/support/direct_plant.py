@@ -80,8 +80,10 @@ class Walk:
 
     def mean_velocity(self, after_s: float) -> np.ndarray:
         """Mean forward, leftward velocity and yaw rate from a time on, (3,)."""
-        late = np.array(self.time) > after_s
-        return np.append(np.array(self.velocity)[late, :2].mean(0), np.array(self.yaw_rate)[late].mean())
+        counted = np.array(self.time) > after_s
+        return np.append(
+            np.array(self.velocity)[counted, :2].mean(0), np.array(self.yaw_rate)[counted].mean()
+        )
 
 
 def walk(
@@ -91,18 +93,18 @@ def walk(
     duration_s: float,
     estimator: object | None = None,
     push: tuple[float, np.ndarray] | None = None,
-    frame: Callable[[float, DirectPlant], None] | None = None,
+    on_tick: Callable[[float, DirectPlant], None] | None = None,
 ) -> Walk:
     """Run a policy on a plant until the time is over or it falls.
 
     Args:
         command: commanded velocity (3,) over time.
-        estimator: gives base velocity and height; the truth where None.
+        estimator: gives base velocity and height; without one, the policy gets the true values.
         push: a time and a change of the base's velocity (world frame) at that time.
-        frame: called at each tick with the plant.
+        on_tick: called at each tick with the time and the plant.
     """
     result = Walk()
-    every = round(JOINT_RATE_HZ / policy.rate_hz)
+    ticks_per_step = round(JOINT_RATE_HZ / policy.rate_hz)
     joint_command = None
     if estimator is not None:
         estimator.reset(plant.sensed())  # type: ignore[attr-defined]
@@ -114,7 +116,7 @@ def walk(
             planned = policy.stance() if tick else None
             velocity, height = estimator.update(sensed, planned, 1 / JOINT_RATE_HZ)  # type: ignore[attr-defined]
         commanded = command(time_s)
-        if tick % every == 0:
+        if tick % ticks_per_step == 0:
             inputs = PolicyInput(time_s, sensed, commanded, velocity, height)
             if tick == 0:
                 policy.reset(inputs)
@@ -127,8 +129,8 @@ def walk(
         result.velocity.append(plant.velocity())
         result.yaw_rate.append(float(plant.data.qvel[5]))
         result.position.append(plant.data.qpos[:2].copy())
-        if frame is not None:
-            frame(time_s, plant)
+        if on_tick is not None:
+            on_tick(time_s, plant)
         if plant.fallen():
             result.fell = True
             break

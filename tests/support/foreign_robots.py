@@ -23,7 +23,7 @@ def quadruped(
     shank_mass: float = 0.37,
     upside_down: bool = False,
 ) -> str:
-    """A URDF: roll, hip and knee on each leg, no two legs alike in mass; between roll and hip is no mass.
+    """A URDF: roll, hip and knee on each leg. Legs differ in mass; the link between roll and hip has none.
 
     The trunk carries a tilted box, an IMU, and an arm whose range does not contain zero.
     """
@@ -41,23 +41,23 @@ def quadruped(
         knee = knee_limit or f'<limit lower="-2.3{index}" upper="-0.4" effort="23" velocity="17"/>'
         at = f"0.01 0 {down * 0.2}"
         shank = foot.replace('"0 0 -0.2"', f'"0 0 {down * 0.2}"')
-        bracket, of_knee = f"{leg}_bracket", {"kind": knee_kind, "extra": knee_extra}
+        bracket, knee_options = f"{leg}_bracket", {"kind": knee_kind, "extra": knee_extra}
         parts += [
             f'<link name="{bracket}"/>',
             _link(f"{leg}_thigh", 0.8 + 0.05 * index, thigh),
             _link(f"{leg}_shank", shank_mass, shank),
             _joint(f"{leg}_roll", "trunk", bracket, f"{x} {y} 0.01", axis="1 0 0", number=1, turn="0 0.1 0"),
             _joint(f"{leg}_hip", bracket, f"{leg}_thigh", "0.02 0.01 0", number=2, turn="0 -0.1 0"),
-            _joint(f"{leg}_knee", f"{leg}_thigh", f"{leg}_shank", at, number=3, **of_knee, limit=knee),
+            _joint(f"{leg}_knee", f"{leg}_thigh", f"{leg}_shank", at, number=3, **knee_options, limit=knee),
         ]
     return f'<robot name="dog">{"".join(parts)}</robot>'
 
 
 def _link(name: str, mass: float, collision: str = "", turn: str = "0.1 0 0.2") -> str:
     moments = {"ixx": 4e-3, "iyy": 5e-3, "izz": 3e-3, "ixy": 4e-4, "ixz": 0.0, "iyz": 0.0}
-    given = " ".join(f'{name}="{mass * each}"' for name, each in moments.items())
+    attributes = " ".join(f'{name}="{mass * each}"' for name, each in moments.items())
     inertial = f'<inertial><origin xyz="0.01 -0.004 -0.05" rpy="{turn}"/><mass value="{mass}"/>'
-    inertial += f"<inertia {given}/></inertial>"
+    inertial += f"<inertia {attributes}/></inertial>"
     return f'<link name="{name}">{inertial}{collision}</link>'
 
 

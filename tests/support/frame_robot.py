@@ -14,16 +14,12 @@ from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Request, Requests
 
 TICK_US = 2000
-
-
 ROWS = np.arange(12)
-
-
 Vector = tuple[float, float, float]
 
 
 class FrameRobot:
-    """A robot on a bus, given by its attributes: it replies every tick and keeps received frames."""
+    """A robot on a bus: it replies at every tick with its attributes, and keeps the received requests."""
 
     def __init__(self, robot: Robot, wiring: Wiring | None = None) -> None:
         self.wiring = wiring or wiring_of(robot)

@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 
-IMPORT_APART = """
+SCRIPT = """
 import importlib, json, sys, time
 
 class Blocker:
@@ -31,7 +31,7 @@ def import_in_process(names: list[str], blocked: tuple[str, ...] = ()) -> tuple[
         CPU seconds that it took, and the names of all modules that are loaded then.
     """
     done = subprocess.run(
-        [sys.executable, "-c", IMPORT_APART.format(blocked=blocked, names=names)],
+        [sys.executable, "-c", SCRIPT.format(blocked=blocked, names=names)],
         cwd=ROOT,
         capture_output=True,
         text=True,

@@ -54,7 +54,7 @@ def loop_on(
     taken_over: Callable[[], bool] = lambda: False,
     safety: SafetyConfig | None = None,
     get_up: Any = None,
-    still_s: float = 0.0,  # it stands up as soon as all have replied
+    still_s: float = 0.0,  # the robot stands up as soon as all motors have replied
     **settings: Any,
 ) -> ControlLoop:
     """A loop on a bus, by default in lockstep at 500 Hz."""

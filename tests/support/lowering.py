@@ -4,7 +4,7 @@ import sys
 import threading
 from typing import Any
 
-PROGRAMS = 200  # of one context, which keeps all their constants
+PROGRAMS = 200  # programs of one context; more would need much memory, because it keeps their constants
 
 
 def share_contexts() -> None:

@@ -76,11 +76,12 @@ class CountingEnvironment:
         state = state + 1.0
         rows, done_steps = jnp.arange(self.count), jnp.floor(state)
         fell = ((rows == 0) & (done_steps == 2)) * 1.0
-        late = ((rows == 1) & (done_steps == 3)) * 1.0
+        timed_out = ((rows == 1) & (done_steps == 3)) * 1.0
         shown = {name: state[:, None] * jnp.ones(size) for name, size in SIZES.items()}
-        ended = jnp.maximum(fell, late)
+        ended = jnp.maximum(fell, timed_out)
         metrics = {"done": ended, "length": ended * done_steps, "steps": done_steps}
-        return state, shown, SimpleNamespace(reward=10.0 * rows + done_steps, truncated=late, metrics=metrics)
+        result = SimpleNamespace(reward=10.0 * rows + done_steps, truncated=timed_out, metrics=metrics)
+        return state, shown, result
 
 
 def step_batch(env: Any, state: Any, action: jax.Array) -> Any:
@@ -88,13 +89,13 @@ def step_batch(env: Any, state: Any, action: jax.Array) -> Any:
     return env.step_batch(state, action)
 
 
-def begun(env: Any, networks: Any, config: PpoConfig, seed: int = 0) -> TrainState:
-    """The first state."""
+def first_state(env: Any, networks: Any, config: PpoConfig, seed: int = 0) -> TrainState:
+    """The state of a training before its first iteration."""
     return initial_state(env, networks, config, seed)
 
 
-def decided(state: TrainState) -> TrainState:
-    """The state with an actor whose actions depend on the observation, and hardly vary."""
+def with_scaled_actor(state: TrainState) -> TrainState:
+    """The state with an actor whose actions depend on the observation more than on noise."""
     policy = jax.tree.map(lambda x: 5.0 * x, state.params.policy)
     return state._replace(params=state.params.replace(policy=policy))
 

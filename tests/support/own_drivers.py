@@ -37,8 +37,8 @@ class OwnDriver(PolledDriver):
     filters: tuple[CanFilter, ...] = ({"can_id": REPLY, "can_mask": 0x780, "extended": False},)
 
     def __init__(self, wiring: Wiring) -> None:
-        nothing = np.zeros((3, len(wiring.motor_id)))
-        orders = (milli(nothing, kind) for kind in (ENABLE, DISABLE, ZERO))
+        zeros = np.zeros((3, len(wiring.motor_id)))
+        orders = (milli(zeros, kind) for kind in (ENABLE, DISABLE, ZERO))
         super().__init__(wiring, Orders(*(to_every_motor(wiring, data) for data in orders)))
         self.highest = np.tile([[30.0], [30.0], [500.0], [5.0], [30.0]], len(wiring.motor_id))
         self.lowest = np.where(np.arange(5)[:, None] // 2 == 1, 0.0, -self.highest)
@@ -51,13 +51,13 @@ class OwnDriver(PolledDriver):
     def command(self, values: np.ndarray) -> Frames:
         if not np.isfinite(values).all():
             raise ValueError("a command that is not finite cannot be sent")
-        held = np.array([values[0] * (values[2] > 0), values[3], values[4] + 0.0])
-        return to_every_motor(self._wiring, milli(held, COMMAND))
+        numbers_to_send = np.array([values[0] * (values[2] > 0), values[3], values[4] + 0.0])
+        return to_every_motor(self._wiring, milli(numbers_to_send, COMMAND))
 
     def replies(self, frames: Frames) -> Replies:
         motor = self._lookup[frames.channel, frames.id & 0x7F]
-        own = (motor >= 0) & (frames.id & ~0x7F == REPLY) & (frames.length == 8)
-        frames, motor = frames.take(own), motor[own]
+        is_reply = (motor >= 0) & (frames.id & ~0x7F == REPLY) & (frames.length == 8)
+        frames, motor = frames.take(is_reply), motor[is_reply]
         unknown = np.full(len(motor), np.nan)
         return Replies(motor, numbers(frames.data), frames.data[:, 7], unknown, unknown, frames.time_us)
 
@@ -74,12 +74,12 @@ class OwnMotorEnd(PolledMotorEnd):
 
     def requests(self, frames: Frames) -> Requests:
         motor = self._lookup[frames.channel, frames.id & 0xFF]
-        own = (motor >= 0) & (frames.id < 0x80) & (frames.data[:, 7] <= ZERO)
-        frames, motor = frames.take(own), motor[own]
+        is_request = (motor >= 0) & (frames.id < 0x80) & (frames.data[:, 7] <= ZERO)
+        frames, motor = frames.take(is_request), motor[is_request]
         position, damping, torque = numbers(frames.data)
-        one = np.ones(len(motor))
+        ones = np.ones(len(motor))
         kind = np.array([Request.COMMAND, Request.ENABLE, Request.DISABLE, Request.ZERO])[frames.data[:, 7]]
-        return Requests(motor, np.array([position, 0 * one, 40.0 * one, damping, torque]), kind)
+        return Requests(motor, np.array([position, 0 * ones, 40.0 * ones, damping, torque]), kind)
 
     def reply(self, motor: np.ndarray | slice, report: Report) -> Frames:
         wiring, data = self._wiring, milli(report.values, 0)

@@ -17,8 +17,8 @@ def body_of(robot: Robot, **difference: Any) -> SimulatedRobot:
     return SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses), PlantConfig(held=False, **difference))
 
 
-def thrown(body: SimulatedRobot) -> None:
-    """High above the ground, tilted about all axes, with every joint and the gate in motion."""
+def throw(body: SimulatedRobot) -> None:
+    """Put the robot high above the ground, tilted about all axes, with every joint and the gate in motion."""
     data, model = body.data, body.model
     rng = np.random.default_rng(8)
     turned = Rotation.from_euler("xyz", [0.4, -0.3, 2.0]).as_quat(scalar_first=True)
@@ -28,7 +28,7 @@ def thrown(body: SimulatedRobot) -> None:
     mujoco.mj_forward(model, data)
 
 
-def thrown_up(body: SimulatedRobot, pose: np.ndarray) -> None:
-    """A metre above the ground, in a pose (n,) of go1's joints."""
+def lift(body: SimulatedRobot, pose: np.ndarray) -> None:
+    """Put the robot a metre above the ground, in a pose (n,) of go1's joints."""
     body.data.qpos[2], body.data.qpos[7:] = 1.0, pose
     mujoco.mj_forward(body.model, body.data)

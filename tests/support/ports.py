@@ -3,7 +3,7 @@
 import socket
 import time
 
-PATIENCE_S = 120.0
+TIMEOUT_S = 120.0
 
 
 def free_port() -> int:
@@ -20,7 +20,7 @@ def listens(port: int) -> bool:
 
 def wait_until_served(port: int, served: bool = True) -> None:
     """Wait until a server is there, or gone."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + TIMEOUT_S
     while listens(port) is not served:
         assert time.monotonic() < end
         time.sleep(0.05)

@@ -32,7 +32,7 @@ CONFIG: PpoConfig = replace(
 )
 NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
 environment = partial(NumberEnvironment, ENVIRONMENTS)
-begun = partial(number_environment.begun, networks=NETWORKS, config=CONFIG)
+first_state = partial(number_environment.first_state, networks=NETWORKS, config=CONFIG)
 
 
 def rolled_out(env: NumberEnvironment, state: TrainState) -> Transition:

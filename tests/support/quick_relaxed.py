@@ -11,8 +11,8 @@ from footfall.common.config import unstructure
 QUICK = replace(RELAXED, stand_s=0.3, stop_s=0.1, pose_rate_rad_s=8.0)
 
 
-def written(folder: Path) -> str:
-    """Path of a file with these settings."""
+def write_quick(folder: Path) -> str:
+    """Write these settings to a file; returns its path."""
     path = folder / "relaxed.yaml"
     path.write_text(json.dumps(unstructure(QUICK)))
     return str(path)

@@ -18,11 +18,7 @@ from footfall.evaluate.statistics import wilson_interval
 from footfall.evaluate.suite import CourseWalk
 
 FILE = load_scenarios(load_robot("go1"))
-
-
 (COURSE,) = plan_episodes("course", FILE.scenarios["course"], 0, 1)
-
-
 FILM = Film(b"film", b"poster")
 
 
@@ -43,8 +39,8 @@ def summary(error: float, falls: int, episodes: int = 24, **more: Any) -> dict[s
 
 def pushed(dv50: float, falls: int) -> dict[str, Any]:
     rows = [
-        {"push_m_s": push, "episodes": 8, "falls": down, "fall_rate_interval": list(wilson_interval(down, 8))}
-        for push, down in ((1.0, 0), (2.0, 3), (3.0, 8))
+        {"push_m_s": push, "episodes": 8, "falls": fell, "fall_rate_interval": list(wilson_interval(fell, 8))}
+        for push, fell in ((1.0, 0), (2.0, 3), (3.0, 8))
     ]
     half = {"dv50": dv50, "dv50_interval": [dv50 - 0.1, dv50 + 0.1], "dv50_width": 0.2, "strongest_push": 3.0}
     return summary(0.5, falls, rows=rows, **half)

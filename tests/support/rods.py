@@ -9,9 +9,9 @@ from footfall.robots.importer.machine import Hinge, Leg, Link, Machine
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def rod_machine(torque_free: Sequence[Hinge], legs: tuple[Leg, ...] = ()) -> Machine:
+def rod_machine(hinges: Sequence[Hinge], legs: tuple[Leg, ...] = ()) -> Machine:
     """A base of 5 kg and a link of 3 kg with some hinges."""
-    link = Link("link", 0, np.zeros(3), LEVEL, 3.0, np.zeros(3), np.eye(3), tuple(torque_free), ())
+    link = Link("link", 0, np.zeros(3), LEVEL, 3.0, np.zeros(3), np.eye(3), tuple(hinges), ())
     base = Link("base", -1, np.zeros(3), LEVEL, 5.0, np.zeros(3), np.eye(3), (), ())
     return Machine("m", (base, link), legs, np.zeros(3))
 

@@ -77,8 +77,8 @@ def measured(
 ) -> np.ndarray:
     """Final value of a check for a robot whose joint 0 moves, (n,).
 
-    `torque` gives the reported and the expected torque of that joint, as shares of its peak torque. A sample
-    whose number is in `lost` changes neither the reading nor its time of arrival.
+    `torque` gives the reported and the expected torque of that joint, as shares of its peak torque. `lost`
+    tells by its number whether a sample is lost: the previous reading and its time of arrival stay.
     """
     result, arrived_us = JointReadings(robot, check), np.zeros(len(robot.joint_names), np.int64)
     joints = np.zeros((3, result.n))

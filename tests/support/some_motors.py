@@ -68,7 +68,7 @@ def hexed(frames: Frames) -> list[str]:
     return [row[:length].tobytes().hex(" ") for row, length in rows]
 
 
-def introduce(driver: Any, end: Any) -> int:
+def read_settings(driver: Any, end: Any) -> int:
     """Query simulated motors until a driver has all settings; returns the number of queries."""
     for count in range(10):
         if not driver.not_ready():

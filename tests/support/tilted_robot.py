@@ -12,7 +12,7 @@ ROBOT = load_robot("go1")
 
 
 def observed(turn: Rotation, time_s: float = 9.0, base_height: float = 0.26, **more: Any) -> PolicyInput:
-    """A robot with this orientation, with joints that all differ, also from the default pose."""
+    """Inputs for a robot with this orientation whose joints differ from the default pose and each other."""
     position, velocity = ROBOT.default_pose + 0.01 * np.arange(12), 0.1 * np.arange(12)
     return policy_input(
         ROBOT, time_s, base_height=base_height, turn=turn, joint=position, velocity=velocity, **more

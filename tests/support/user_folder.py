@@ -13,7 +13,7 @@ OWN_MODULES = ("train.py", "envs/__init__.py", "deploy/__init__.py", "policies/_
 
 
 class UserFolder:
-    """Runs a user's commands there in separate processes."""
+    """Runs a user's commands in this folder, in separate processes."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

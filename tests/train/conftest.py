@@ -1,4 +1,4 @@
-"""What the tests of `train` share."""
+"""Fixtures for the tests of `train`."""
 
 import os
 import subprocess
@@ -20,8 +20,8 @@ from footfall.train.runs.folder import Provenance, Run, create_run
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
     """A run of the preset smoke that has not started: 16 iterations of 256 steps."""
-    made = Provenance("go1", 5, "smoke", "brax", "cpu", "abc", "2026-01-01", {"jax": "1"})
-    return create_run(tmp_path / "run", made, load_preset("smoke"))
+    provenance = Provenance("go1", 5, "smoke", "brax", "cpu", "abc", "2026-01-01", {"jax": "1"})
+    return create_run(tmp_path / "run", provenance, load_preset("smoke"))
 
 
 @pytest.fixture
@@ -59,9 +59,9 @@ def private_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[P
 @pytest.fixture(scope="session")
 def counting() -> Any:
     """The first state of a training in a `CountingEnvironment`."""
-    from number_environment import COUNTING, COUNTING_NETWORKS, CountingEnvironment, begun
+    from number_environment import COUNTING, COUNTING_NETWORKS, CountingEnvironment, first_state
 
-    return begun(CountingEnvironment(), COUNTING_NETWORKS, COUNTING, 3)
+    return first_state(CountingEnvironment(), COUNTING_NETWORKS, COUNTING, 3)
 
 
 @pytest.fixture

@@ -13,9 +13,9 @@ from number_environment import (
     REWARD,
     CountingEnvironment,
     NumberEnvironment,
-    decided,
+    with_scaled_actor,
 )
-from ppo_on_numbers import CONFIG, ENVIRONMENTS, NETWORKS, NOT_MOVED, UNROLL, begun, environment
+from ppo_on_numbers import CONFIG, ENVIRONMENTS, NETWORKS, NOT_MOVED, UNROLL, environment, first_state
 
 from footfall.train.brax import iteration, ppo, rollout
 from footfall.train.brax.iteration import make_iteration
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("number_steps")
 
 def test_an_iteration_follows_observations_episodes_and_steps() -> None:
     env = environment(shown=5.0, fallen=2, out_of_time=1)
-    begun_late = begun(env)._replace(iteration=jnp.int32(3))
+    begun_late = first_state(env)._replace(iteration=jnp.int32(3))
     state, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(begun_late)
     np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
     assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
@@ -38,7 +38,7 @@ def test_an_iteration_follows_observations_episodes_and_steps() -> None:
 def test_the_normaliser_moves_after_learning() -> None:
     """Otherwise the actor would seem to have changed."""
     env = environment(shown=5.0)
-    _, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(decided(begun(env)))
+    _, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(with_scaled_actor(first_state(env)))
     assert float(metrics["learning/kl_mean"]) == pytest.approx(0.0, abs=NOT_MOVED)
 
 
@@ -65,7 +65,7 @@ def test_ppo_learns_the_rewarded_action() -> None:
     )
     env = Reaching(environments)
     iterate = jax.jit(make_iteration(env, NETWORKS, config))
-    state = begun(env, config=config)
+    state = first_state(env, config=config)
     for _ in range(iterations):
         state, _, _ = iterate(state)
     mean, std = NETWORKS.policy_network.apply(state.normalizer, state.params.policy, env.shown)

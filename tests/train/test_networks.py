@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from brax.training.acme import running_statistics
 from brax.training.agents.ppo.networks import PPONetworks
-from number_environment import ACTIONS, SIZES, NumberEnvironment, decided
+from number_environment import ACTIONS, SIZES, NumberEnvironment, with_scaled_actor
 from number_environment import COUNTING as CONFIG
 from number_environment import COUNTING_NETWORKS as NETWORKS
 
@@ -19,7 +19,7 @@ from footfall.train.brax.networks import actor_means_function, dense_layers, mak
 from footfall.train.brax.state import TrainState
 
 environment = partial(NumberEnvironment, CONFIG.num_envs)
-begun = partial(number_environment.begun, networks=NETWORKS, config=CONFIG)
+first_state = partial(number_environment.first_state, networks=NETWORKS, config=CONFIG)
 
 
 def observation() -> dict[str, jax.Array]:
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("number_steps")
 
 def test_only_the_critic_uses_the_privileged_observation() -> None:
     env = environment()
-    state = begun(env)
+    state = first_state(env)
     seen = observation() | {"privileged_state": 3.0 * observation()["privileged_state"]}
     value, other = (
         NETWORKS.value_network.apply(state.normalizer, state.params.value, x) for x in (observation(), seen)
@@ -58,7 +58,7 @@ class TestBfloat16:
         return {n: jax.random.normal(jax.random.key(size), (50, size)) for n, size in SIZES.items()}
 
     def test_outputs_equal_float32_within_the_rounding_of_16_bits(self) -> None:
-        state = decided(begun(environment()))
+        state = with_scaled_actor(first_state(environment()))
         for rounded, exact in zip(
             *(self.outputs(networks, state, self.shown()) for networks in (self.NETWORKS, NETWORKS)),
             strict=True,

@@ -14,8 +14,8 @@ from ppo_on_numbers import (
     ENVIRONMENTS,
     NETWORKS,
     RATE,
-    begun,
     environment,
+    first_state,
     learnt,
     observation,
     rolled_out,
@@ -35,20 +35,20 @@ class TestEndsOfEpisodes:
     def test_a_fall_is_not_bootstrapped(self) -> None:
         """The critic's target is the reward alone; its loss is a quarter of the squared error."""
         env = environment(fallen=ENVIRONMENTS)
-        state = begun(env)
+        state = first_state(env)
         _, losses = learnt(state, rolled_out(env, state))
         assert losses["v_loss"][0, 0] == pytest.approx(0.25 * (REWARD - self.value(state)) ** 2, rel=1e-4)
 
     def test_a_time_out_is_bootstrapped_with_the_critics_value(self) -> None:
         """The target is the critic's own value."""
         env = environment(out_of_time=ENVIRONMENTS)
-        state = begun(env)
+        state = first_state(env)
         _, losses = learnt(state, rolled_out(env, state))
         assert losses["v_loss"][0, 0] == pytest.approx(0.0, abs=1e-9)
 
     def test_an_unfinished_episode_is_bootstrapped(self) -> None:
         """The target is the reward and the discounted value of the next observation."""
-        state = begun(environment())
+        state = first_state(environment())
         value = self.value(state)
         _, losses = learnt(state, rolled_out(environment(), state))
         error = REWARD + CONFIG.gamma * value - value
@@ -64,7 +64,7 @@ class TestLearningRate:
         """Learning rates after each of three mini-batches, for an actor this far from its behaviour."""
         env = environment()
         config = replace(self.CONFIG, learning_rate=limit, final_learning_rate=limit)
-        state = begun(env, config=config)
+        state = first_state(env, config=config)
         rollout = rolled_out(env, state)
         loc, scale = rollout.extras["policy_extras"]["distribution_params"]
         rollout.extras["policy_extras"]["distribution_params"] = (loc + moved, scale)
@@ -79,7 +79,7 @@ class TestLearningRate:
 
     def test_without_a_target_the_rate_is_the_limit(self) -> None:
         env = environment()
-        state = begun(env)
+        state = first_state(env)
         state = state._replace(optimizer=ppo.with_learning_rate(state.optimizer, jnp.float32(0.5)))
         assert learnt(state, rolled_out(env, state))[1]["learning_rate"] == pytest.approx(RATE)
 
@@ -87,7 +87,7 @@ class TestLearningRate:
 def test_a_long_gradient_is_clipped() -> None:
     """Adam's first step does not depend on the gradient's length, but Adam's moments do."""
     env = environment(fallen=ENVIRONMENTS)
-    state = begun(env)
+    state = first_state(env)
     optimizer, losses = learnt(state, rolled_out(env, state), replace(CONFIG, max_grad_norm=0.01))
     first_moment = jnp.sqrt(sum(jnp.sum(x**2) for x in jax.tree.leaves(optimizer[-1].inner_state[0].mu)))
     assert losses["gradient_norm"][0, 0] > 0.01  # as it was

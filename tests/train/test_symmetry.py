@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from brax.training.types import Transition
-from number_environment import SIZES, decided
-from ppo_on_numbers import CONFIG, NETWORKS, NOT_MOVED, begun, environment, learnt, rolled_out
+from number_environment import SIZES, with_scaled_actor
+from ppo_on_numbers import CONFIG, NETWORKS, NOT_MOVED, environment, first_state, learnt, rolled_out
 
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.robots.symmetry import Mirror
@@ -29,21 +29,21 @@ class TestMirror:
         Mirror(np.array([1, 0]), -np.ones(2)),
     )
 
-    def begun(self) -> tuple[TrainState, Transition]:
+    def state_and_rollout(self) -> tuple[TrainState, Transition]:
         """An actor whose action for a mirrored observation is not the mirror image."""
         env = environment()
         env.shown = {name: jnp.arange(1.0, size + 1) + 0 * env.shown[name] for name, size in SIZES.items()}
-        state = decided(begun(env))
+        state = with_scaled_actor(first_state(env))
         return state, rolled_out(env, state)
 
     def test_mirror_images_do_not_count_as_a_change_of_the_policy(self) -> None:
-        state, rollout = self.begun()
+        state, rollout = self.state_and_rollout()
         still = replace(CONFIG, learning_rate=1e-12, final_learning_rate=0.0, num_learning_epochs=3)
         _, losses = learnt(state, rollout, still, self.SWAP)
         assert losses["kl_mean"] == pytest.approx(0.0, abs=NOT_MOVED)
 
     def test_the_next_observation_is_mirrored_like_the_first(self) -> None:
-        state, rollout = self.begun()
+        state, rollout = self.state_and_rollout()
         data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
         following = {name: 10.0 + value[:, -1:] for name, value in data.observation.items()}
         behaviour = (state.normalizer, state.params.policy)
