@@ -38,7 +38,7 @@ def test_a_paired_difference_does_not_contain_the_walks_own_spread(tmp_path: Pat
     found = read(_write(tmp_path / "walks.jsonl", same, {"wide": 1.0, "identified-1.3": 0.97}, {}))
     difference = compare(found["identified-1.3"], found["wide"], draws=50)
     np.testing.assert_allclose(difference.relative, [-0.1, -0.1, -0.03], atol=1e-9)
-    np.testing.assert_allclose(difference.within, [difference.relative] * 2, atol=1e-9)
+    np.testing.assert_allclose(difference.interval, [difference.relative] * 2, atol=1e-9)
     assert difference.as_good == (True, True, True)
 
 
