@@ -85,6 +85,7 @@ class SessionResult:
     buses: tuple[BusStatistics, ...]
     notes: tuple[str, ...]  # changed parts of the request, and missing parts of the log
     recoveries: tuple[Recovered, ...]  # falls from which the robot got up
+    missing_in_log: str  # missing parts of the log; empty if it is complete
 
 
 def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> SessionResult:
@@ -116,8 +117,7 @@ def run_session(
 
     Raises:
         UserError: policy, robot or log do not match; nothing has moved in this case.
-        BaseException: raised by `each_tick`, or to end the program; the motors have been disabled in this
-            case.
+        BaseException: raised by `each_tick`, or to end the program, after the motors were disabled.
     """
     if not 0.0 < session.duration_s <= MAX_DURATION_S:
         raise UserError(f"duration is {session.duration_s:g} s: it must be positive, and at most a day")
@@ -174,7 +174,7 @@ def run_session(
                 loop.shut_down()
         wall_s = time.perf_counter() - started
         at_the_end = [*_motors_left_on(loop), *_damaged(loop)]
-        missing_parts = "" if log is None else _end(log, runner, loop.now_us, at_the_end)
+        missing_in_log = "" if log is None else _end(log, runner, loop.now_us, at_the_end)
         return SessionResult(
             final_state=loop.state.mode.value,
             faults=loop.state.faults,
@@ -185,7 +185,8 @@ def run_session(
             timing=loop.timing.summary(),
             buses=tuple(bus.statistics()),
             recoveries=tuple(loop.recovery.recovered),
-            notes=(*refused, *runner.notes, *filter(None, [missing_parts]), *at_the_end),
+            notes=(*refused, *runner.notes, *filter(None, [missing_in_log]), *at_the_end),
+            missing_in_log=missing_in_log,
         )
 
 
@@ -246,10 +247,9 @@ def _open_log(robot: Robot, policy: Policy, session: Session, resources: ExitSta
         return None
     from footfall.deploy.log import McapLog
 
-    config = session.config
-    facts = {"policy_spec": policy.name, **session.facts, "joint_rate_hz": config.joint_rate_hz}
+    facts = {"policy_spec": policy.name, **session.facts, "joint_rate_hz": session.config.joint_rate_hz}
     if session.others:
-        facts |= {OTHERS: list(session.others), HANDOVER: unstructure(config.handover)}
+        facts |= {OTHERS: list(session.others), HANDOVER: unstructure(session.config.handover)}
     if session.get_up is not None:
         facts[GET_UP] = session.get_up.spec or session.get_up.policy.name
     log = McapLog(session.log, robot, policy, facts, not session.realtime, session.feed, session.log_store)

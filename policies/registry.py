@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from footfall.common.errors import UserError
+from footfall.common.errors import UserError, naming
 from footfall.common.hints import did_you_mean
 from footfall.common.outside import is_import_path, shipped
 from footfall.policies.controllers.settings import (
@@ -143,7 +143,9 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     name, parts = split_spec(spec)
     if name in CONTROLLERS:
         controller = CONTROLLERS[name]
-        policy = shipped(controller.import_path)(robot, *controller.arguments, load_settings(spec, robot))
+        settings = load_settings(spec, robot)
+        with naming(name):
+            policy = shipped(controller.import_path)(robot, *controller.arguments, settings)
         policy.name = short_name(name, parts)
         return policy
     from footfall.policies.learned import LearnedPolicy

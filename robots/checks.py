@@ -64,14 +64,15 @@ def _wrong_feet(feet: Sequence[Foot], joints: list[str]) -> Iterator[str]:
 
 def contradictions(description: Description, model: mujoco.MjModel) -> Iterator[str]:
     """Contradictions between `robot.yaml` and the compiled MJCF."""
-    for kind, name in (
-        (mujoco.mjtObj.mjOBJ_BODY, description.base),
-        (mujoco.mjtObj.mjOBJ_SITE, description.imu),
-        *((mujoco.mjtObj.mjOBJ_JOINT, joint.name) for joint in description.joints),
-        *((mujoco.mjtObj.mjOBJ_GEOM, name) for foot in description.feet for name in foot.geoms),
+    kinds, feet = mujoco.mjtObj, description.feet
+    for field, kind, name in (
+        ("base", kinds.mjOBJ_BODY, description.base),
+        ("imu", kinds.mjOBJ_SITE, description.imu),
+        *(("joints", kinds.mjOBJ_JOINT, joint.name) for joint in description.joints),
+        *((f"foot {foot.name}: geoms", kinds.mjOBJ_GEOM, name) for foot in feet for name in foot.geoms),
     ):
         if mujoco.mj_name2id(model, kind, name) < 0:
-            yield f"{description.model} has no {kind.name[6:].lower()} '{name}'"
+            yield f"{field}: {description.model} has no {kind.name[6:].lower()} '{name}'"
             return  # the checks below look these names up
     base = model.body(description.base).id
     free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]

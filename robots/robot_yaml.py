@@ -20,6 +20,14 @@ SERIAL = "serial:"  # prefix of a bus that is a serial port: serial:/dev/ttyUSB0
 MOTOR_TIMEOUT_S = 0.01, 0.1  # from a few ticks to the longest time without a controller
 
 
+def _require_name(config: Any, *names: str) -> None:
+    """Raise ValueError if one of these fields is blank; None passes."""
+    for name in names:
+        value = getattr(config, name)
+        if value is not None and not value.strip():
+            raise ValueError(f"{name} must not be empty")
+
+
 @dataclass(frozen=True)
 class Gains:
     """Parameters from which the gains of learned policies follow, with each joint's reflected inertia."""
@@ -104,6 +112,7 @@ class JointEntry:
 
     def __post_init__(self) -> None:
         require_between(self, 1, 127, "id")
+        _require_name(self, "name", "bus")
 
 
 @dataclass(frozen=True)
@@ -118,6 +127,7 @@ class Foot:
     def __post_init__(self) -> None:
         if not self.geoms:
             raise ValueError("geoms must name at least one")
+        _require_name(self, "name", "force_bus")
 
 
 @dataclass(frozen=True)
@@ -146,6 +156,7 @@ class Description:
 
     def __post_init__(self) -> None:
         require_positive(self, "standing_height_m", "soft_limit_factor", "target_rate_rad_s")
+        _require_name(self, "imu_bus")
         require_ordered(self.commands, "forward_m_s", "leftward_m_s", "yaw_rad_s")
         if self.soft_limit_factor > 1.0:
             raise ValueError(f"soft_limit_factor must be at most 1, not {self.soft_limit_factor}")

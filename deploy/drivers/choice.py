@@ -5,7 +5,7 @@ A motor protocol is a class in `DRIVERS`, or an external class that robot.yaml n
 
 import numpy as np
 
-from footfall.common.errors import UserError
+from footfall.common.errors import UserError, naming
 from footfall.common.outside import is_import_path
 from footfall.deploy.drivers import foot_force
 from footfall.deploy.drivers.checks import imu_driver_at, motor_driver_at, open_outside
@@ -103,10 +103,8 @@ def by_driver(wiring: Wiring) -> list[tuple[type[MotorDriver], np.ndarray]]:
     """Driver classes of a robot's motors, each with its joints (indices); errors as for `open_driver`."""
     drivers = []
     for joint, protocol in zip(wiring.joint_names, wiring.models, strict=True):
-        try:
+        with naming(f"joint {joint}: protocol"):
             drivers.append(driver_class(protocol))
-        except UserError as error:
-            raise UserError(f"joint {joint}: {error}") from None
         _check_drive_limit(wiring, len(drivers) - 1, drivers[-1])
     imu_identifiers = imu_driver_class(wiring.imu_protocol).identifiers
     check_identifiers(wiring, [driver.identifiers for driver in drivers], imu_identifiers)

@@ -1,9 +1,13 @@
 """Positions of standing feet, and how they turn a tilted base back to level."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from footfall.common.errors import UserError
 from footfall.common.rotations import vertical_in_body
 from footfall.policies.policy import PolicyInput
+from footfall.robots.description import Robot
 from footfall.robots.kinematics import Legs
 
 
@@ -21,6 +25,35 @@ def nominal_feet(legs: Legs, height_m: float, outward_m: float, shift_m: float) 
     feet[:, 1] += np.sign(feet[:, 1].round(6)) * outward_m
     feet[:, 2] = legs.foot_radius - height_m
     return feet
+
+
+def require_in_reach(robot: Robot, feet: np.ndarray, settings: Mapping[str, float]) -> None:
+    """Check that stretched legs are long enough for a stance.
+
+    Args:
+        robot: the robot.
+        feet: (legs, 3) m, from `nominal_feet`.
+        settings: lengths of the stance by name, m, for the message.
+
+    Raises:
+        UserError: a foot is farther from its leg's first joint than the leg is long.
+    """
+    legs = robot.legs
+    away_m = np.linalg.norm(feet - [limb.anchor[0] for limb in legs.limbs], axis=1)
+    leg = int((away_m - legs.reach).argmax())
+    if away_m[leg] > legs.reach[leg]:
+        given = ", ".join(f"{name} {value:g}" for name, value in settings.items())
+        raise UserError(
+            f"{given}: foot {robot.description.feet[leg].name} would be {away_m[leg]:.3g} m from its leg's"
+            f" first joint, and the leg is {legs.reach[leg]:.3g} m long"
+        )
+
+
+def require_lift(robot: Robot, name: str, height_m: float) -> None:
+    """Raise UserError for a height of a swing that exceeds the length of every leg."""
+    longest_m = robot.legs.reach.max()
+    if height_m > longest_m:
+        raise UserError(f"{name} must be at most {longest_m:.3g}, the length of a leg, not {height_m:g}")
 
 
 def tilt_correction(

@@ -29,7 +29,7 @@ from footfall.robots.description import Robot
 
 CONFIG = BringUpConfig(hold_s=0.5, move_s=0.5, slew_s=0.3, walk_s=0.5)
 LOOP = DeployConfig(joint_rate_hz=250.0, stand_s=0.3, pose_rate_rad_s=3.0, scale=0.5)
-RESULT = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), ("a note",), ())
+RESULT = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), ("a note",), (), "")
 TIME_S = np.linspace(0.0, 1.0, 101)
 TRAVEL = 0.15 * np.sin(np.pi * TIME_S) ** 2
 STEADY = np.ones(101)

@@ -12,7 +12,7 @@ from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict
 from footfall.deploy.session import SessionResult
 from footfall.verbs import bring_up
 
-RESULT = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), ("a note",), ())
+RESULT = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), ("a note",), (), "")
 Run = tuple[str, Setting, str]
 
 

@@ -89,7 +89,8 @@ class TestOptions:
             ("footfall.train.api.cluster.join", None),
             ("footfall.train.api.cluster.is_main_process", lambda: state.main),
             ("footfall.train.runs.folder.open_run", lambda _: run),
-            ("footfall.verbs.train.start_device", None), ("footfall.pages.page.check_page", None),
+            ("footfall.verbs.train.start_device", None), ("footfall.verbs.train._check_evaluation", None),
+            ("footfall.pages.page.check_page", None),
             ("footfall.evaluate.api.evaluate_policy", {"scenarios": {}}),
         ):  # fmt: skip
             called.replace(import_path, answer)

@@ -7,6 +7,10 @@ import pytest
 from shell import Shell
 
 from footfall.cli import main
+from footfall.identify.excitation import ExcitationConfig
+from footfall.identify.record import record
+from footfall.identify.simulated import simulated_bus
+from footfall.robots.description import Robot
 
 
 def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -39,10 +43,22 @@ def test_a_fit_without_a_log_and_a_record_that_cannot_be_made_are_refused(
         assert named in shell.refuses("identify", *arguments.split()), arguments
 
 
-def test_a_recording_that_did_not_end_in_order_is_status_1(
+def test_a_recording_that_did_not_end_in_order_or_lacks_a_part_is_status_1(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    for state, faults, status in (("IDLE", (), 0), ("IDLE", ("a fault",), 1), ("ESTOP", (), 1)):
-        outcome = SimpleNamespace(faults=faults, notes=(), walked_s=1.0, final_state=state)
+    for state, faults, missing, status in (
+        ("IDLE", (), "", 0),
+        ("IDLE", ("a fault",), "", 1),
+        ("ESTOP", (), "", 1),
+        ("IDLE", (), "the log is truncated", 1),
+    ):
+        outcome = SimpleNamespace(
+            faults=faults, notes=(), walked_s=1.0, final_state=state, missing_in_log=missing
+        )
         monkeypatch.setattr("footfall.identify.record.record", lambda *_, outcome=outcome, **__: outcome)
         assert main(["identify", "record", str(tmp_path / "log.mcap")]) == status
+
+
+def test_the_outcome_of_a_recording_on_a_full_disk_has_what_the_log_lacks(go1: Robot) -> None:
+    short = ExcitationConfig(settle_s=0.1, triangle_s=0.4, chirp_s=0.6, burst_s=0.2)
+    assert "/dev/full" in record(go1, simulated_bus(go1), Path("/dev/full"), short).missing_in_log

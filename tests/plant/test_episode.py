@@ -86,6 +86,7 @@ OUTCOME = SessionResult(
     buses=(BusStatistics("can0"),),
     notes=("a loop's note",),
     recoveries=(),
+    missing_in_log="",
 )
 
 

@@ -72,6 +72,7 @@ def test_the_gait_has_one_foot_in_the_air_and_the_middle_foot_last(robot: Robot)
 def test_the_robot_tracks_the_command_over_the_bus(robot: Robot) -> None:
     policy = load_policy("wave", robot)
     assert isinstance(policy, Walk)
+    assert policy.gaits == ("wave",)  # go1's other gaits do not fit five legs
     episode = Episode(lambda _: np.array([0.2, 0.0, 0.0]), 4.0, seed=1)
     trace = run_episode(robot, policy, episode)
     late = trace.time_s > 1.5

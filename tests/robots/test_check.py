@@ -1,12 +1,13 @@
 """`footfall robot check`: a robot's figures, and whether it stands."""
 
+import math
 import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from edited import edit
+from edited import content_of, edit
 from foreign_robots import BALL, quadruped
 from shell import Shell
 
@@ -140,8 +141,16 @@ class TestCommand:
         assert "FL_roll: kd is 18.8" in wrong(folder, capsys)
 
 
-def test_ranges_that_no_training_can_read_are_refused(dog: Robot, tmp_path: Path, shell: Shell) -> None:
+def test_settings_with_which_no_training_and_no_run_can_begin_are_refused(
+    dog: Robot, tmp_path: Path, shell: Shell
+) -> None:
     folder = tmp_path / "mine"
     shutil.copytree(dog.folder, folder)
+    before = (folder / "randomisation.yaml").read_text()
     (folder / "randomisation.yaml").write_text("armature: {low: 1.05, high: 0.95}")
     assert "armature" in shell.refuses("robot", "check", str(folder))
+    (folder / "randomisation.yaml").write_text(before)
+    with content_of(folder / "robot.yaml") as content:
+        content["safety"] = {"tilt_limit_rad": math.nan}
+    assert "tilt_limit_rad" in shell.refuses("robot", "check", str(folder))
+    assert "tilt_limit_rad" in shell.refuses("train", "--robot", str(folder), "--preset", "smoke")

@@ -11,6 +11,7 @@ from footfall.policies.policy import RATES_HZ
 Triple = tuple[float, float, float]
 Range = tuple[float, float]
 
+STEPS_S = (0.001, 1.0)  # shortest and longest step: in a second any robot falls over
 MAX_HORIZON_STEPS = 200  # the quadratic program grows with the square of the steps
 
 
@@ -23,7 +24,8 @@ class Horizon:
     solve_hz: float
 
     def __post_init__(self) -> None:
-        require_positive(self, "step_s", "solve_hz")
+        require_positive(self, "solve_hz")
+        require_between(self, *STEPS_S, "step_s")
         require_between(self, 1, MAX_HORIZON_STEPS, "steps")
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from footfall.common.errors import UserError
+from footfall.common.errors import UserError, naming
 from footfall.common.rotations import cross, heading_matrix, roll_pitch_yaw, rotation_matrix
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import contact_trust
@@ -32,7 +32,7 @@ from footfall.policies.controllers.mpc.swing_feet import SwingFeet
 from footfall.policies.controllers.mpc.wrenches import Wrenches
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.slope import Slope
-from footfall.policies.controllers.stance import nominal_feet
+from footfall.policies.controllers.stance import nominal_feet, require_in_reach, require_lift
 from footfall.policies.live_settings import Applied, Span
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -62,10 +62,15 @@ class Mpc:
         self.forces = ForcePlanner(robot, self._body, config)
         self._grip = Grip(self._legs, config.contact)
         self._lookahead = Lookahead(robot.motor, 1.0 / config.rate_hz)
-        self.clock = config.gait.clock(robot)
+        with naming("gait.name"):
+            self.clock = config.gait.clock(robot)
         self.command = ShapedCommand(config.command)
         stance = config.stance
         positions = nominal_feet(self._legs, stance.height_m, stance.outward_m, stance.shift_m)
+        lengths = {f"stance.{name}": getattr(stance, name) for name in ("height_m", "outward_m", "shift_m")}
+        require_in_reach(robot, positions, lengths)
+        require_lift(robot, "swing.height_m", config.swing.height_m)
+        require_lift(robot, "swing.depth_m", config.swing.depth_m)
         self._leg_control = LegControl(robot, self._legs, self._body, config)
         self.slope = Slope(config.slope)
         self.follower = BaseFollower(float(self._legs.foot_radius.mean()))

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from footfall.common.errors import naming
 from footfall.policies.controllers.gait import GaitConfig, GaitTiming, StepClock
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.reference import Reference
@@ -27,7 +28,8 @@ class LiveMpc:
     def __init__(self, robot: Robot, config: MpcConfig) -> None:
         self._robot, self._config = robot, config
         for name in config.gaits:
-            find_gait(name, robot)  # raises UserError if the robot has no such gait
+            with naming("gaits"):
+                find_gait(name, robot)
         limit = config.max_attitude_rad
         own = {
             "step_period_s": config.gait.period_s,

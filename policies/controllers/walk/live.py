@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 
+from footfall.common.errors import UserError
 from footfall.policies.controllers.gait import GaitConfig, StepClock
 from footfall.policies.controllers.settings import configured_controllers
 from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
-from footfall.policies.gaits import gaits_of
+from footfall.policies.gaits import gait_names, gaits_of
 from footfall.policies.live_settings import Applied, Span, shared
 from footfall.robots.description import Robot
 
@@ -39,8 +40,17 @@ def applied(
 
 
 def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
-    """Gaits available to a walk, with the robot's settings; a gait without settings has the walk's period."""
-    own = config.gait
+    """Gaits available to a walk, with the robot's settings; a gait without settings has the walk's period.
+
+    Listed gaits that do not fit the robot's feet are left out: settings may come from another robot.
+
+    Raises:
+        UserError: no robot has a listed gait.
+    """
+    own, known, fitting = config.gait, gait_names(), gaits_of(robot)
+    for name in config.gaits or ():
+        if name not in known:
+            raise UserError(f"gaits: no gait '{name}': there are {', '.join(known)}")
     settings = {
         name: section["gait"]
         for name, section in configured_controllers(robot).items()
@@ -48,7 +58,8 @@ def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
     }
     gaits = {
         name: GaitConfig(**settings.get(name, {"name": name, "period_s": own.period_s}))
-        for name in (gaits_of(robot) if config.gaits is None else config.gaits)
+        for name in (fitting if config.gaits is None else config.gaits)
+        if name in fitting
     }
     return gaits | {own.name: own}
 

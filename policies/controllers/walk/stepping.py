@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from footfall.common.errors import naming
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.gait import GaitTiming
-from footfall.policies.controllers.stance import nominal_feet
+from footfall.policies.controllers.stance import nominal_feet, require_in_reach, require_lift
 from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.controllers.walk.feet import FootCycle
 from footfall.policies.controllers.walk.foot import Footing, rolling_of
@@ -35,7 +36,8 @@ class Stepping:
         self.footing = footing_of(robot, config)
         farthest_m = float(np.hypot(*self.footing.positions[:, :2].T).max())
         self._pacing = Pacing(WalkLimits(robot, centre[:2], config.limits), farthest_m)
-        clock = config.gait.clock(robot)
+        with naming("gait.name"):
+            clock = config.gait.clock(robot)
         self._own = clock.timing, clock.offsets
         self.cycle = FootCycle(self.footing, *self._own)
         self._sway, self.command = Sway(), ShapedCommand(config.command)
@@ -171,7 +173,11 @@ class Stepping:
 
 
 def footing_of(robot: Robot, config: WalkConfig) -> Footing:
-    """Positions of a robot's feet in a walk."""
+    """Positions of a robot's feet in a walk. Raises UserError if a leg is too short."""
     legs, stance = robot.legs, config.stance
-    positions = nominal_feet(legs, config.step.body_height_m, stance.outward_m, stance.shift_m)
+    height_m = config.step.body_height_m
+    positions = nominal_feet(legs, height_m, stance.outward_m, stance.shift_m)
+    lengths = {"stance.outward_m": stance.outward_m, "stance.shift_m": stance.shift_m}
+    require_in_reach(robot, positions, {"step.body_height_m": height_m} | lengths)
+    require_lift(robot, "step.height_m", config.step.height_m)
     return Footing(positions * [1.0, 1.0, 0.0], rolling_of(legs, positions, robot.default_pose))

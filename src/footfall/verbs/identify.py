@@ -51,7 +51,9 @@ class RecordOptions:
 
 @identify.command
 def record(log: Path, /, *, options: RecordOptions = RecordOptions()) -> int:
-    """Move the joints of a robot on a stand, and log each tick; exit 1 if the run ends with a fault.
+    """Move the joints of a robot on a stand, and log each tick.
+
+    Exit 1 if the run ends with a fault, or the log is incomplete.
 
     Parameters
     ----------
@@ -79,6 +81,9 @@ def record(log: Path, /, *, options: RecordOptions = RecordOptions()) -> int:
         outcome = run(robot, bus, log, motion, deploy, realtime=not simulated)
     for line in (*outcome.faults, *outcome.notes):
         print(line)
+    if outcome.missing_in_log:
+        print(f"{log} is incomplete: do not fit it; record again")
+        return 1
     print(f"{log}: {outcome.walked_s:.1f} s of motion")
     return 0 if outcome.final_state == SAFE and not outcome.faults else 1
 

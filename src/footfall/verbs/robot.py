@@ -140,6 +140,7 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
     """Print a robot's tree and feet, test standing and walking in simulation; exit 1 if something is
     wrong."""
     from footfall import robot_check
+    from footfall.deploy.config import deploy_config
     from footfall.domain_rand.randomisation import randomisation_of
     from footfall.plant.lying import lying_test
     from footfall.plant.standing import standing_test
@@ -149,6 +150,7 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
 
     loaded = load_robot(robot)
     randomisation_of(loaded)  # refuses ranges that no training could read
+    deploy_config(loaded)  # refuses limits with which no run could begin
     inspection = inspect_robot(loaded, options.seed)
     robot_check.show_tree(loaded, inspection)
     robot_check.show_feet(inspection)

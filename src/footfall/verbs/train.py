@@ -93,6 +93,7 @@ def train(
     _check_cluster(cluster)
     if options.resume is not None:
         _refuse_other_options(options)
+    _check_evaluation(options)
     if cluster == ALONE:
         if options.resume is not None:
             open_run(options.resume)  # detects a mistyped folder before the wait for a GPU
@@ -110,6 +111,15 @@ def train(
     with _watched(folder, page) if options.watch and main else nullcontext():
         api.resume(folder)
     return _evaluate(folder) if options.evaluate and main else 0
+
+
+def _check_evaluation(options: TrainOptions) -> None:
+    """Refuse a robot with safety limits that would end the evaluation, before hours of training."""
+    from footfall.deploy.config import deploy_config
+    from footfall.robots.description import load_robot
+
+    if options.evaluate and options.resume is None:
+        deploy_config(load_robot(options.robot or DEFAULT_ROBOT))
 
 
 def _evaluate(folder: Path) -> int:
