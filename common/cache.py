@@ -5,6 +5,8 @@ import os
 import platform
 from pathlib import Path
 
+from footfall.common.user_folders import cache_home
+
 CPU_INFO = Path("/proc/cpuinfo")
 # Lines of CPU_INFO that identify a kind of CPU.
 KIND_FIELDS = ("model name", "flags", "CPU implementer", "CPU part", "Features")
@@ -15,12 +17,14 @@ def compilation_cache() -> Path:
 
     There each kind of CPU has a folder of its own: machines may share a home, and JAX would load what was
     compiled for another CPU.
+
+    Raises:
+        UserError: the user has no such folder.
     """
     named = os.environ.get("JAX_COMPILATION_CACHE_DIR")
     if named is not None:
         return Path(named)
-    home = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    return home / "footfall" / "jax" / processor_kind()
+    return cache_home() / "footfall" / "jax" / processor_kind()
 
 
 def processor_kind() -> str:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from footfall.common.errors import UserError
 from footfall.common.held import held
+from footfall.common.user_folders import state_home
 
 PARTS = 8  # one part of a log may use this fraction of the space
 NAME = re.compile(r".+-\d{8}-\d{6}-\d+(\.part\d+)?\.mcap")
@@ -74,6 +75,9 @@ def next_part(path: Path) -> Path:
 
 
 def default_store(max_bytes: int) -> LogStore:
-    """Log store of this user."""
-    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return LogStore(Path(state) / "footfall" / "logs", max_bytes)
+    """Log store of this user. Raises UserError if the user has no folder for it."""
+    try:
+        folder = state_home()
+    except UserError as error:
+        raise UserError(f"cannot store logs: {error}, or use --log FILE") from None
+    return LogStore(folder / "footfall" / "logs", max_bytes)

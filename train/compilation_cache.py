@@ -4,6 +4,7 @@ import jax
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from footfall.common.cache import compilation_cache
+from footfall.common.errors import UserError
 from footfall.common.private_files import NotPrivateError, make_private_folder
 
 MIN_COMPILE_S = 1.0  # programs that compile faster are not kept
@@ -17,10 +18,11 @@ def use_compilation_cache() -> str:
     Returns:
         One line with the reason if there is no cache; otherwise empty.
     """
-    folder, reason = compilation_cache(), ""
+    folder, reason = None, ""
     try:
+        folder = compilation_cache()
         make_private_folder(folder)
-    except NotPrivateError as error:
+    except (NotPrivateError, UserError) as error:
         reason = str(error)
     except OSError as error:
         reason = f"{folder}: {error.strerror}"

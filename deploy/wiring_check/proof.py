@@ -6,7 +6,6 @@ the machine on this computer's buses, not to the robot's folder, which several m
 
 import hashlib
 import json
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -17,6 +16,7 @@ import numpy as np
 
 from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
+from footfall.common.user_folders import state_home
 from footfall.deploy.wiring import wiring_of
 from footfall.deploy.wiring_check.verdict import Verdict
 from footfall.robots.description import Robot
@@ -33,23 +33,25 @@ def wiring_digest(robot: Robot, bus: str) -> str:
 
 
 def proof_file(robot: Robot, bus: str) -> Path:
-    """The file with the proof."""
-    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    return Path(state) / "footfall" / "wiring" / f"{robot.name}.{bus}.json"
+    """The file with the proof. Raises UserError if the user has no folder for it."""
+    return state_home() / "footfall" / "wiring" / f"{robot.name}.{bus}.json"
 
 
 def is_proven(robot: Robot, bus: str) -> bool:
     """Whether this wiring has passed the check on this computer."""
     try:
         kept = json.loads(proof_file(robot, bus).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, UserError):
         return False
     return isinstance(kept, dict) and kept.get("digest") == wiring_digest(robot, bus)
 
 
 def keep_proof(robot: Robot, bus: str, verdicts: Sequence[Verdict]) -> str:
     """Save that a wiring has passed the check; returns a note: the file, or the reason for a failure."""
-    path = proof_file(robot, bus)
+    try:
+        path = proof_file(robot, bus)
+    except UserError as error:
+        return f"the wiring is right, but this cannot be saved: {error}"
     content = {
         "digest": wiring_digest(robot, bus),
         "checked": time.strftime("%Y-%m-%dT%H:%M:%S%z"),

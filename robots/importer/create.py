@@ -140,7 +140,7 @@ def import_robot(request: ImportRequest) -> Imported:
         "robot.yaml": described(),
         "randomisation.yaml": randomisation_yaml(machine, pose, request.defaults),
     }
-    _write(folder, texts, completed)
+    _write(folder, texts, completed, request.source)
     return Imported(folder, tuple(guesses))
 
 
@@ -239,13 +239,16 @@ def _touching_links(model: mujoco.MjModel, qpos: np.ndarray) -> list[tuple[str, 
     return [(model.body(a).name, model.body(b).name) for a, b in sorted(pairs)]
 
 
-def _write(folder: Path, texts: Mapping[str, str], completed: Callable[[Robot], Mapping[str, str]]) -> None:
+def _write(
+    folder: Path, texts: Mapping[str, str], completed: Callable[[Robot], Mapping[str, str]], source: Path
+) -> None:
     """Write the files into a new folder if footfall can load them.
 
     Args:
         folder: the new folder.
         texts: contents of the files, by name.
         completed: returns further or replaced texts for the robot that the files describe.
+        source: the file that a refusal names, since the new folder does not remain.
     """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -253,11 +256,19 @@ def _write(folder: Path, texts: Mapping[str, str], completed: Callable[[Robot], 
             made = Path(scratch) / folder.name
             made.mkdir()
             _write_all(made, texts)
-            _write_all(made, completed(load_robot(made.resolve())))
-            load_robot(made.resolve())
+            _write_all(made, completed(_loaded(made, source)))
+            _loaded(made, source)
             made.rename(folder)
     except OSError as error:
         raise UserError(f"cannot write {folder}: {error.strerror or error}") from None
+
+
+def _loaded(made: Path, source: Path) -> Robot:
+    """The robot that a new folder describes. Raises UserError that names the source, not the folder."""
+    try:
+        return load_robot(made.resolve())
+    except UserError as error:
+        raise UserError(str(error).replace(f"{made.resolve() / 'robot.yaml'}:", f"{source}:")) from None
 
 
 def _write_all(folder: Path, texts: Mapping[str, str]) -> None:

@@ -44,10 +44,12 @@ def read_mjcf(path: Path) -> Source:
 
 def _pose(model: mujoco.MjModel) -> dict[str, float]:
     """Joint positions by name, from the first keyframe with a name such as `stand`, or else the first one."""
-    if not model.nkey:
+    names = {key: model.key(key).name for key in range(model.nkey)}
+    # The size nkey reserves keyframes without a name, in which every joint is at its initial position.
+    given = [key for key, name in names.items() if name or (model.key_qpos[key] != model.qpos0).any()]
+    if not given:
         return {}
-    names = [model.key(key).name for key in range(model.nkey)]
-    key = next((key for key, name in enumerate(names) if STANDING.search(name)), 0)
+    key = next((key for key in given if STANDING.search(names[key])), given[0])
     hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
     return {model.joint(j).name: float(model.key_qpos[key, model.jnt_qposadr[j]]) for j in hinges}
 

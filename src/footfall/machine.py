@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from packaging.requirements import Requirement
 
 from footfall.common.cache import compilation_cache
+from footfall.common.errors import UserError
 from footfall.common.installation import extras, extras_command, install_command, missing
 from footfall.finding import Finding
 from footfall.robot_computer import ROBOT_COMPUTER
@@ -108,7 +109,10 @@ def check_rendering() -> Finding:
 
 def check_cache() -> Finding:
     """Size of the cache of compiled programs."""
-    folder = compilation_cache()
+    try:
+        folder = compilation_cache()
+    except UserError as error:
+        return Finding("compilation cache", False, str(error), "each training compiles anew until then")
     files = [path.stat().st_size for path in folder.rglob("*") if path.is_file()]
     found = f"{folder}: {len(files)} files, {sum(files) / 2**20:.0f} MiB" if files else f"{folder}: empty"
     return Finding("compilation cache", True, found)

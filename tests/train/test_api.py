@@ -13,6 +13,7 @@ from footfall.common.errors import UserError
 from footfall.robots.description import Robot
 from footfall.train import api, cluster
 from footfall.train.api import TrainRequest
+from footfall.train.compilation_cache import use_compilation_cache
 from footfall.train.config import load_preset
 from footfall.train.runs.display import Display
 from footfall.train.runs.folder import Run, open_run
@@ -71,6 +72,17 @@ def test_a_run_is_finished_with_its_last_checkpoint_and_its_policy(run: Run) -> 
     run.policy.unlink()
     assert not finished(run)
     assert run.policy.is_file()
+
+
+@pytest.mark.usefixtures("private_cache")
+def test_a_user_without_a_home_trains_without_a_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unknown() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for variable in ("JAX_COMPILATION_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(Path, "home", unknown)
+    assert "HOME" in use_compilation_cache()
 
 
 def test_a_cache_that_others_may_write_is_not_used(run: Run, private_cache: Path) -> None:

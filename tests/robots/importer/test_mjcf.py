@@ -44,6 +44,13 @@ class TestMjcf:
         text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2), extra=f"<keyframe>{keys}</keyframe>")
         assert read(tmp_path, text).pose_rad == {"a_joint": knee, "b_joint": -knee}
 
+    def test_reserved_keyframes_are_no_pose(self, tmp_path: Path) -> None:
+        """Models of gymnasium and PyBullet reserve keyframes that they do not have."""
+        reserved = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2), extra='<size nkey="5"/>')
+        source = read(tmp_path, reserved)
+        assert source.model.nkey == 5
+        assert source.pose_rad == {}
+
     def test_a_mesh_is_at_its_geoms_position(self, tmp_path: Path) -> None:
         """A wedge is moved, and turned by a quarter turn about z: (x, y) becomes (-y, x)."""
         mesh = '<asset><mesh name="wedge" vertex="0.1 0 0  0.4 0 0  0.1 0.2 0  0.1 0 0.3"/></asset>'
