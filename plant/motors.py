@@ -95,9 +95,9 @@ class SimulatedMotors:
             _, motors, values = self._due.popleft()
             self._values[:, motors] = values
             self.commanded = self.commanded or (self._any_enabled and bool(values[2:].any()))
-        late = self._watchdog.late(step, self.enabled) if self._any_enabled else None
-        if late is not None:
-            self.enabled &= ~late
+        timed_out = self._watchdog.check(step, self.enabled) if self._any_enabled else None
+        if timed_out is not None:
+            self.enabled &= ~timed_out
             self._note_enabled()
         if not self._any_enabled:
             return self.drivetrain.delivered(np.zeros(len(position)))
@@ -209,7 +209,10 @@ class SimulatedMotors:
         """Queue commands for the time after the delay; older commands take effect no later than these."""
         at = step + self._delay.steps(step)
         if self._delay.varies:
-            self._due = deque((min(due, at), whose, what) for due, whose, what in self._due)
+            self._due = deque(
+                (min(due, at), queued_motors, queued_values)
+                for due, queued_motors, queued_values in self._due
+            )
         self._due.append((at, motor, values))
 
     def _clear(self, motor: int) -> None:
@@ -241,9 +244,9 @@ class SimulatedMotors:
         """The current report of every motor; a stuck one repeats its last report."""
         if self._geared is not None:
             ratio, about = self._geared
-            away = about + self.encoder_bias
+            centre = about + self.encoder_bias
             readings = np.array(
-                [away + ratio * (readings[0] - away), ratio * readings[1], readings[2] / ratio]
+                [centre + ratio * (readings[0] - centre), ratio * readings[1], readings[2] / ratio]
             )
         error, on = np.maximum(self.faults.error, self.faults.latched), self.enabled.copy()
         timed_out = self._watchdog.timed_out

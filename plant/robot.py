@@ -137,11 +137,11 @@ class SimulatedRobot:
         self.faults = Faults(self._motors.faults)
         put_down(robot, self.model, self.data, self._layout, initial_pose(robot, config.lying))
         height_m = 0.0 if config.lowered else robot.description.standing_height_m
-        frame = holder(
+        robot_holder = holder(
             robot, self.model, self.data, self._layout, plant.base, config.hanging, config.clamped, height_m
         )
         held_steps = math.inf if config.hanging or config.clamped else round(config.release_after_s / step_s)
-        self._support = Support(frame, held_steps, config.held)
+        self._support = Support(robot_holder, held_steps, config.held)
         if self._support.still:
             self._keep_still()
 
@@ -208,8 +208,8 @@ class SimulatedRobot:
 
     def _advance_one_step(self) -> None:
         now_us, motors, sensors = self._step * self._step_us, self._motors, self._sensors
-        true = sensors.remember(self._torque)
-        position, velocity = true[0], true[1]
+        true_state = sensors.remember(self._torque)
+        position, velocity = true_state[0], true_state[1]
         if self.foot_sensors is not None:
             self.foot_sensors.remember()
             if self._imu.due(self._step):

@@ -82,8 +82,8 @@ class SimulatedSensors:
             joints: number of joints.
             seed: seed of the noise and of swinging delays.
             mean_velocity: whether motors report a joint's mean velocity over two steps, as drives do that
-                take it from an encoder. Velocities may alternate from step to step: if readings show every
-                other one, their sum leaves the positions.
+                take it from an encoder. An engine's velocities may alternate from step to step: the integral
+                of every second one would drift away from the positions.
 
         Raises:
             UserError: a reading with bias or noise has no `shift`.
@@ -138,9 +138,9 @@ class SimulatedSensors:
         """The IMU's reading."""
         readings = list(self._delay_line.delayed().inertial)
         self._add_errors(readings, self._of_imu)
-        width, bias = self._acceleration_noise, self._acceleration_bias
-        if width or any(bias):
-            drawn = self._acceleration_random.uniform(-width, width, 3).tolist()
+        half_width, bias = self._acceleration_noise, self._acceleration_bias
+        if half_width or any(bias):
+            drawn = self._acceleration_random.uniform(-half_width, half_width, 3).tolist()
             readings[1] = [a + b + n for a, b, n in zip(readings[1], bias, drawn, strict=True)]
         return imu.Inertial(*readings)
 
@@ -198,8 +198,8 @@ def _errors(
             continue
         drawn = None if name == ADDED_BY_MOTOR else sensor_bias(sample, name)
         bias = None if drawn is None else np.asarray(drawn, dtype=float)
-        width = 0.0 if noise is None else getattr(noise, name)
-        if bias is None and not width:
+        half_width = 0.0 if noise is None else getattr(noise, name)
+        if bias is None and not half_width:
             continue
         if not declared.can_shift:
             raise UserError(

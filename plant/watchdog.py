@@ -28,13 +28,17 @@ class Watchdog:
         """Register that motors were addressed in a physics step."""
         self._addressed_step[motor] = step
 
-    def late(self, step: int, enabled: np.ndarray) -> np.ndarray | None:
-        """Mask of the enabled motors that time out in this step, (joints,); None if none, or not checked."""
+    def check(self, step: int, enabled: np.ndarray) -> np.ndarray | None:
+        """Note motors that time out, at every `CHECK_EVERY`-th step.
+
+        Returns:
+            Mask of the enabled motors that time out in this step, (joints,); None if none does.
+        """
         addressed = self._addressed_step
         if step % CHECK_EVERY or step - addressed[addressed.argmin()] <= self._min_timeout_steps:
             return None
-        late = enabled & (step - addressed > self._timeout_steps)
-        if not late.any():
+        newly_timed_out = enabled & (step - addressed > self._timeout_steps)
+        if not newly_timed_out.any():
             return None
-        self.timed_out |= late
-        return late
+        self.timed_out |= newly_timed_out
+        return newly_timed_out

@@ -81,7 +81,7 @@ class SimulatedWires:
         self._all_free_at = 0.0
         self._repeated_us = np.zeros(len(names))  # time of errors and of repeated frames
         self._last_waiting = [0.0] * len(names)  # greatest precedence since a wire was idle
-        self._flying: tuple[deque[_Batch], ...] = (deque(), deque())
+        self._in_transit: tuple[deque[_Batch], ...] = (deque(), deque())
         self._plans: dict[Layout, Plan] = {}  # computing a plan takes 100 us
         self._sent = np.zeros((2, len(names)), dtype=np.int64)  # frames of deleted plans, for each side
         self._busy_us = np.zeros(len(names))  # time that the frames of deleted plans took
@@ -111,7 +111,7 @@ class SimulatedWires:
             start = self._occupy(plan, now_us)
             plan.sent[side] += 1
             batch = _Batch(frames, start, plan.offset, self._all_free_at)
-            self._flying[side].append(batch)
+            self._in_transit[side].append(batch)
             if self._faulty is not None:
                 self._repeat(side, batch)
             for wire in overtaken:
@@ -159,16 +159,16 @@ class SimulatedWires:
         """Delay a batch by transmissions that errors destroy and that are repeated."""
         assert self._faulty is not None
         frames = batch.frames
-        again = self._faulty.repetitions(frames.channel, side is Side.HOST)
-        if not again.any():
+        repetitions = self._faulty.repetitions(frames.channel, side is Side.HOST)
+        if not repetitions.any():
             return
         batch.bits, arrival = bits_of(frames), batch.arrival.copy()
-        extra = again * (batch.bits + ERROR_BITS)
-        batch.bits = batch.bits + extra
+        extra_us = repetitions * (batch.bits + ERROR_BITS)
+        batch.bits = batch.bits + extra_us
         for wire in range(len(self.names)):
-            on = frames.channel == wire
-            arrival[on] += np.cumsum(extra[on])
-            repeated_us = float(extra[on].sum())
+            on_wire = frames.channel == wire
+            arrival[on_wire] += np.cumsum(extra_us[on_wire])
+            repeated_us = float(extra_us[on_wire].sum())
             self._free_at[wire] += repeated_us
             self._repeated_us[wire] += repeated_us
         batch.set_arrival(arrival)
@@ -176,11 +176,11 @@ class SimulatedWires:
 
     def _arbitrate(self, wire: int, now_us: float) -> None:
         """Order by arbitration the frames on a wire whose transmission has not begun."""
-        queued: list[_Waiting] = []  # the controller's, first in, first out
-        others: list[_Waiting] = []  # of other nodes, sorted by precedence
+        host_frames: list[_Waiting] = []  # the controller's, first in, first out
+        other_nodes: list[_Waiting] = []  # of other nodes, sorted by precedence
         begin_us = math.inf
-        for side, waiting in ((Side.HOST, queued), (Side.ROBOT, others)):
-            for batch in self._flying[side]:
+        for side, waiting in ((Side.HOST, host_frames), (Side.ROBOT, other_nodes)):
+            for batch in self._in_transit[side]:
                 if batch.bits is _NOT_KNOWN:
                     batch.bits = bits_of(batch.frames)
                 start = batch.arrival - batch.bits
@@ -192,12 +192,12 @@ class SimulatedWires:
                 waiting += [
                     _Waiting(*each) for each in zip(order, [batch] * len(rows), rows.tolist(), strict=True)
                 ]
-        others.sort(key=lambda each: each.order)
-        at_us, queue, rest = begin_us, deque(queued), deque(others)
+        other_nodes.sort(key=lambda each: each.order)
+        at_us, host_queue, other_queue = begin_us, deque(host_frames), deque(other_nodes)
         arrivals: dict[_Batch, np.ndarray] = {}
-        while queue or rest:
-            host_wins = bool(queue) and (not rest or queue[0].order <= rest[0].order)
-            _, batch, row = (queue if host_wins else rest).popleft()
+        while host_queue or other_queue:
+            host_wins = bool(host_queue) and (not other_queue or host_queue[0].order <= other_queue[0].order)
+            _, batch, row = (host_queue if host_wins else other_queue).popleft()
             at_us += float(batch.bits[row])
             if batch not in arrivals:
                 arrivals[batch] = batch.arrival.copy()
@@ -216,22 +216,22 @@ class SimulatedWires:
 
     def receive(self, side: Side, now_us: float) -> list[Frames]:
         """Frames for `side`, sent by the other one, that have arrived by now; oldest batch first."""
-        queue = self._flying[1 - side]
+        queue = self._in_transit[1 - side]
         arrived: list[Frames] = []
         if not queue:
             return arrived
-        rest: list[_Batch] = []
+        undelivered: list[_Batch] = []
         while queue:
             batch = queue.popleft()
             if batch.last <= now_us:
                 frames = batch.frames
                 arrived.append(frames.at(batch.arrival) if side is Side.HOST else frames)
                 continue
-            here = batch.arrival <= now_us
-            if here.any():
-                arrived.append(batch.take(here))
-            rest.append(batch)
-        queue.extend(rest)
+            arrived_now = batch.arrival <= now_us
+            if arrived_now.any():
+                arrived.append(batch.take(arrived_now))
+            undelivered.append(batch)
+        queue.extend(undelivered)
         return arrived if self._faulty is None else [self._faulty.deliver(frames) for frames in arrived]
 
     def _plan(self, frames: Frames) -> Plan:
@@ -261,7 +261,7 @@ class SimulatedWires:
         if side is Side.ROBOT:
             return np.array(self._free_at)[frames.channel] <= now_us + NODE_BACKLOG_US
         waiting = np.zeros(len(self.names), dtype=np.int64)
-        for batch in self._flying[side]:
+        for batch in self._in_transit[side]:
             np.add.at(waiting, batch.frames.channel[batch.arrival > now_us], 1)
         return waiting[frames.channel] + plan.position <= self._host_queue
 

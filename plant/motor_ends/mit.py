@@ -33,10 +33,13 @@ class MitMotorEnd(PolledMotorEnd):
             wiring.channel, REPLY_ID + wiring.motor_id, np.zeros((n, 8), np.uint8), np.full(n, 8, np.intp)
         )
         commands = self._outgoing._replace(id=wiring.motor_id)
-        self._last_batch = layout_of(commands)  # layout of a batch that addresses every motor in joint order
+        self._full_batch = layout_of(commands)  # layout of a batch that addresses every motor in joint order
         # Motors and rows of other layouts.
-        self._others = BoundedCache[Layout, tuple[np.ndarray, np.ndarray]]()
-        self._decoded = b"", Requests(_ALL, np.zeros((5, 0)), None)  # data of such a batch, and its requests
+        self._other_layouts = BoundedCache[Layout, tuple[np.ndarray, np.ndarray]]()
+        self._decoded = (
+            b"",
+            Requests(_ALL, np.zeros((5, 0)), None),
+        )  # data of the last full batch, and requests
 
     def requests(self, frames: Frames) -> Requests:
         """See `MotorEnd.requests`. The last result is kept: a policy's command is sent for several ticks."""
@@ -58,14 +61,14 @@ class MitMotorEnd(PolledMotorEnd):
     def _addressed(self, frames: Frames) -> tuple[Motors, np.ndarray]:
         """The motors of this robot that frames address, and the data for them."""
         layout = layout_of(frames)
-        if layout == self._last_batch:
+        if layout == self._full_batch:
             return _ALL, frames.data
-        known = self._others.get(layout)
-        if known is None:
+        cached = self._other_layouts.get(layout)
+        if cached is None:
             motor = self._lookup[frames.channel, frames.id & 0xFF]
             rows = np.flatnonzero((motor >= 0) & (frames.id < 0x100) & (frames.length == 8))
-            known = self._others[layout] = motor[rows], rows
-        motor, rows = known
+            cached = self._other_layouts[layout] = motor[rows], rows
+        motor, rows = cached
         return motor, frames.data[rows]
 
     def reply(self, motor: Motors, report: Report) -> Frames:

@@ -119,7 +119,7 @@ class TestBehindTheBus:
         """Final torque of enabled motors at rest after a constant commanded torque."""
         motors.enabled[:] = True
         motors._note_enabled()
-        motors._watchdog.late = lambda *_: None  # type: ignore[method-assign]
+        motors._watchdog.check = lambda *_: None  # type: ignore[method-assign]
         motors._values[4] = torque
         for step in range(round(seconds / STEP_S)):
             given = motors.torque(step, np.zeros(N), np.zeros(N))
