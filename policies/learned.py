@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 
 from footfall.common.errors import UserError
 from footfall.policies.action import joint_target
@@ -18,6 +17,7 @@ from footfall.policies.observation import (
     step_values,
     term_sources,
 )
+from footfall.policies.onnx_runtime import onnxruntime
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot
