@@ -188,7 +188,7 @@ class TwoTeachers(Imitation):
     def _sees_level_ground(self, state: State) -> jax.Array:
         """Whether scans arrive, and heights around the robot differ by less than a level ground's."""
         env, height = self.env, self.env.scene.standing_height
-        data = env.terrain.base(state, example_data(env.scene))
+        data = env.terrain.with_base(state, example_data(env.scene))
         leftward = jnp.stack([-data.forward[1], data.forward[0]])
         along, across = jnp.arange(-1.0, 3.0)[:, None, None], jnp.arange(-1.0, 2.0)[:, None]
         positions = data.base_position[:2] + height * (along * data.forward + across * leftward)

@@ -193,7 +193,7 @@ def share_of_peak(env: LocomotionEnv, steps_per_s: float) -> float | None:
         return None
     model = training_model(env.robot, env.config.timestep_s)
     step = substep(model, env.robot, {}, SINGLE)
-    return len(schedule(step.results, step.held).step) * env.config.substeps * steps_per_s / peak
+    return len(schedule(step.results, step.fixed_inputs).step) * env.config.substeps * steps_per_s / peak
 
 
 def repeat(function: Callable[[Any], Any], state: Any, count: int) -> list[float]:

@@ -53,8 +53,8 @@ class Actuation:
         Args:
             goals: goals of the last control steps, newest first, rad, shape (KEPT_GOALS, n).
             target: rate-limited target of the previous physics step, rad, shape (n,).
-            sample: the robot's; its constant delay of actions applies if `lateness_s` is None.
-            lateness_s: delay of each goal to each motor, s, (KEPT_GOALS, n).
+            sample: randomised quantities of the robot.
+            lateness_s: delay of each goal to each motor, s, (KEPT_GOALS, n); None: the sample's delay.
         """
 
         def tick(target: jax.Array, goal: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -62,8 +62,8 @@ class Actuation:
             target = limit_target(goal, target, self.soft_lower, self.soft_upper, rate, timestep_s)
             return target, target
 
-        late_s = transport_of(sample, "actions").delay_s if lateness_s is None else lateness_s
-        arrived = delayed_goals(goals, late_s, self._starts_s, self._timestep_s, self._period_s)
+        delay_s = transport_of(sample, "actions").delay_s if lateness_s is None else lateness_s
+        arrived = delayed_goals(goals, delay_s, self._starts_s, self._timestep_s, self._period_s)
         return jax.lax.scan(tick, target, arrived, unroll=True)[1]
 
     def drive(
@@ -92,12 +92,12 @@ class Actuation:
         lag = None if motor.lag_s is None else lag_over(motor.lag_s, self._timestep_s)
         return Drive(targets, command.kp, command.kd, motor, zeros if bias is None else bias, lag)
 
-    def initial_winding(self, sample: Sample) -> jax.Array | None:
+    def initial_winding_c(self, sample: Sample) -> jax.Array | None:
         """Temperatures before an episode, degrees Celsius, (n,); None without a thermal model."""
         winding = randomised_winding(self._winding, sample)
         return None if winding is None else winding.start_c
 
-    def next_winding(
+    def next_winding_c(
         self, winding_c: jax.Array | None, torque: jax.Array, sample: Sample
     ) -> jax.Array | None:
         """Temperatures after a control step, degrees Celsius, (n,); None without a thermal model.
@@ -107,15 +107,15 @@ class Actuation:
             torque: torque of the motors in each physics step, N m, (substeps, n).
             sample: randomised quantities of the robot.
         """
-        winding, squared = randomised_winding(self._winding, sample), jnp.mean(torque**2, axis=0)
-        return warmed(winding_c, squared, winding, self._period_s)
+        winding, mean_sq = randomised_winding(self._winding, sample), jnp.mean(torque**2, axis=0)
+        return warmed(winding_c, mean_sq, winding, self._period_s)
 
     @property
-    def no_memory(self) -> jax.Array | None:
+    def initial_memory(self) -> jax.Array | None:
         """Memory of the actuator net before an episode, (n, m, inputs); None for a robot without one."""
         return None if self._net is None else jnp.asarray(single(self._net.rest()))
 
-    def no_torque(self, sample: Sample) -> jax.Array | None:
-        """Torque of motors with lag before an episode, N m, (n,); None for motors without."""
-        lags = randomised_motor(self._motor, sample).lag_s is not None
-        return jnp.zeros_like(self._kp) if lags else None
+    def initial_torque(self, sample: Sample) -> jax.Array | None:
+        """Torque of motors with lag before an episode, N m, (n,); None for motors without lag."""
+        has_lag = randomised_motor(self._motor, sample).lag_s is not None
+        return jnp.zeros_like(self._kp) if has_lag else None

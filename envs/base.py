@@ -20,12 +20,12 @@ class Base:
 
     def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
         joint = model.body(robot.description.base).jntadr[0]
-        start, speed = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-        self._position = slice(start, start + 3)
-        self._quaternion = slice(start + 3, start + 7)
-        self._linear = slice(speed, speed + 3)
-        self._angular = slice(speed + 3, speed + 6)
-        self._velocity = slice(speed, speed + 6)
+        qpos_start, qvel_start = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        self._position = slice(qpos_start, qpos_start + 3)
+        self._quaternion = slice(qpos_start + 3, qpos_start + 7)
+        self._linear = slice(qvel_start, qvel_start + 3)
+        self._angular = slice(qvel_start + 3, qvel_start + 6)
+        self._velocity = slice(qvel_start, qvel_start + 6)
 
     def position(self, qpos: Array) -> Array:
         """Position of the base in the world, m, (3,)."""
@@ -61,9 +61,9 @@ class Base:
 
     def moving(self, qvel: jax.Array, linear: jax.Array, yaw_rate: jax.Array) -> jax.Array:
         """Velocities with the base's horizontal velocity (2,) and its yaw rate set."""
-        along = slice(self._linear.start, self._linear.start + 2)
-        return qvel.at[along].set(linear).at[self._angular.stop - 1].set(yaw_rate)
+        horizontal = slice(self._linear.start, self._linear.start + 2)
+        return qvel.at[horizontal].set(linear).at[self._angular.stop - 1].set(yaw_rate)
 
     def pushed(self, qvel: jax.Array, change: jax.Array) -> jax.Array:
-        """Velocities after a sudden change (6,) of the base's: linear in the world, angular in the body."""
+        """Velocities after a change (6,) of the base's velocity: linear in the world, angular in the body."""
         return qvel.at[self._velocity].add(change)

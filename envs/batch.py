@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from footfall.envs.environment import Episodes
 from footfall.envs.state import State, Step
 
-RESTARTED_AT_ONCE = 16  # a larger number wastes work when few episodes end, a smaller one loops when many do
+RESTARTS_PER_PASS = 16  # a larger number wastes work when few episodes end, a smaller one loops when many do
 
 Restarted = tuple[State, dict[str, jax.Array]]  # state, and the observations for the next actions
 
@@ -22,19 +22,19 @@ def step_batch(env: Episodes, state: State, action: jax.Array) -> tuple[State, d
         action: shape (environments, n).
 
     Returns:
-        State and observation for the next action, those of a new episode where one ended, and the result of
-        the step itself. Its metrics also have "done", and the "length" of ended episodes in steps.
+        State and observation for the next action (of a new episode where one ended), and the result of the
+        step itself. Its metrics also have "done", and the "length" of ended episodes in steps.
     """
     with jax.default_matmul_precision("highest"):
         stepped, step = jax.vmap(env.step)(state, action)
     done = jnp.maximum(step.terminated, step.truncated)
-    ended = {"done": done, "length": done * stepped.steps}
+    episode_metrics = {"done": done, "length": done * stepped.steps}
     current = stepped, step.observation
     if env.on_host:  # branches are cheap on the host, and few episodes end at once
-        state, observation = _restart_few(env, done > 0, current)
+        state, observation = _restart_in_passes(env, done > 0, current)
     else:
         state, observation = _select(done, jax.vmap(restart_of(env))(stepped), current)
-    return state, observation, step._replace(metrics=step.metrics | ended)
+    return state, observation, step._replace(metrics=step.metrics | episode_metrics)
 
 
 def restart_of(env: Episodes) -> Callable[[State], Restarted]:
@@ -42,19 +42,19 @@ def restart_of(env: Episodes) -> Callable[[State], Restarted]:
     return getattr(env, "restart", lambda state: env.reset(state.key, state.level))
 
 
-def _restart_few(env: Episodes, done: jax.Array, current: Restarted) -> Restarted:
-    """New episodes where `done` (environments,) holds, a few at a time until there are no more."""
+def _restart_in_passes(env: Episodes, done: jax.Array, current: Restarted) -> Restarted:
+    """New episodes where `done` (environments,) holds, in passes of RESTARTS_PER_PASS episodes."""
     count, (stepped, _) = len(done), current
-    restarts = min(count, RESTARTED_AT_ONCE)
+    rows_per_pass = min(count, RESTARTS_PER_PASS)
 
-    def restart(left: tuple[jax.Array, Restarted]) -> tuple[jax.Array, Restarted]:
-        done, batch = left
-        (rows,) = jnp.nonzero(done, size=restarts, fill_value=count)  # rows past the last are dropped
+    def restart_rows(carry: tuple[jax.Array, Restarted]) -> tuple[jax.Array, Restarted]:
+        done, batch = carry
+        (rows,) = jnp.nonzero(done, size=rows_per_pass, fill_value=count)  # rows past the last are dropped
         new = jax.vmap(restart_of(env))(jax.tree.map(lambda x: x[rows], stepped))
         batch = jax.tree.map(lambda old, new: old.at[rows].set(new, mode="drop"), batch, new)
         return done.at[rows].set(False, mode="drop"), batch
 
-    return jax.lax.while_loop(lambda left: jnp.any(left[0]), restart, (done, current))[1]
+    return jax.lax.while_loop(lambda carry: jnp.any(carry[0]), restart_rows, (done, current))[1]
 
 
 def _select(condition: jax.Array, yes: Any, no: Any) -> Any:

@@ -29,8 +29,8 @@ class Level(NamedTuple):
     parent: np.ndarray  # (links,)
     position: np.ndarray  # (links, 3) m, in the parent's frame
     rotation: np.ndarray  # (links, 3, 3) parent's frame from the link's, joint at zero
-    turn: np.ndarray  # (links, 3) axis of a revolute joint, else 0
-    slide: np.ndarray  # (links, 3) axis of a prismatic joint, else 0
+    turn_axis: np.ndarray  # (links, 3) axis of a revolute joint, else 0
+    slide_axis: np.ndarray  # (links, 3) axis of a prismatic joint, else 0
     address: np.ndarray  # (links,) of the joint in qpos; arbitrary without a joint
 
 
@@ -44,14 +44,14 @@ class BodyPoints:
         by_depth = _by_depth(links)
         self._levels = list(_levels(model, by_depth))
         feet = {name for foot in robot.description.feet for name in foot.geoms}
-        found = []
-        for number, link in enumerate(itertools.chain.from_iterable(by_depth)):
-            spacing = SPACING_M if number else BASE_SPACING_M
-            points = _points(model, link.body, feet, spacing)
-            found += [(number, link.body_origin + at, radius) for at, radius in points]
-        self._link = np.array([number for number, _, _ in found], dtype=int)
-        self._offset = np.array([at for _, at, _ in found]).reshape(-1, 3).astype(np.float32)
-        self.radius = np.array([radius for _, _, radius in found], dtype=np.float32)  # (points,) m
+        points = []
+        for index, link in enumerate(itertools.chain.from_iterable(by_depth)):
+            spacing_m = BASE_SPACING_M if index == 0 else SPACING_M
+            of_body = _points(model, link.body, feet, spacing_m)
+            points += [(index, link.body_origin + position, radius) for position, radius in of_body]
+        self._link = np.array([index for index, _, _ in points], dtype=int)
+        self._offset = np.array([offset for _, offset, _ in points]).reshape(-1, 3).astype(np.float32)
+        self.radius = np.array([radius for _, _, radius in points], dtype=np.float32)  # (points,) m
         self.on_base = self._link == 0  # (points,) bool
 
     def points(self, qpos: jax.Array) -> jax.Array:
@@ -60,15 +60,17 @@ class BodyPoints:
         rotations = rotation_matrix(self._base.quaternion(qpos))[None]
         all_positions, all_rotations = [positions], [rotations]
         for level in self._levels:
-            above = rotations[level.parent]
-            angle = qpos[level.address]
-            at = level.position + jnp.einsum("lij,lj->li", level.rotation, level.slide * angle[:, None])
-            positions = positions[level.parent] + jnp.einsum("lij,lj->li", above, at)
-            rotations = above @ (level.rotation @ _about(level.turn, angle))
+            parent_rotation = rotations[level.parent]
+            joint = qpos[level.address]  # angles, rad, or displacements, m
+            offset = level.position + jnp.einsum(
+                "lij,lj->li", level.rotation, level.slide_axis * joint[:, None]
+            )
+            positions = positions[level.parent] + jnp.einsum("lij,lj->li", parent_rotation, offset)
+            rotations = parent_rotation @ (level.rotation @ _about(level.turn_axis, joint))
             all_positions.append(positions)
             all_rotations.append(rotations)
-        origin, turned = (jnp.concatenate(each)[self._link] for each in (all_positions, all_rotations))
-        return origin + jnp.einsum("pij,pj->pi", turned, self._offset)
+        origin, rotation = (jnp.concatenate(each)[self._link] for each in (all_positions, all_rotations))
+        return origin + jnp.einsum("pij,pj->pi", rotation, self._offset)
 
 
 def _by_depth(links: list[Link]) -> list[list[Link]]:
@@ -85,15 +87,15 @@ def _by_depth(links: list[Link]) -> list[list[Link]]:
 def _levels(model: mujoco.MjModel, by_depth: list[list[Link]]) -> Iterator[Level]:
     for above, level in itertools.pairwise(by_depth):
         names = [link.name for link in above]
-        slides = np.array([link.kind == PRISMATIC for link in level])[:, None]
+        is_prismatic = np.array([link.kind == PRISMATIC for link in level])[:, None]
         axes = np.array([link.axis for link in level], dtype=np.float32)
         joints = [model.joint(link.joint).qposadr[0] if np.any(link.axis) else 0 for link in level]
         yield Level(
             parent=np.array([names.index(link.parent) for link in level]),
             position=np.array([link.position for link in level], dtype=np.float32),
             rotation=np.array([link.rotation for link in level], dtype=np.float32),
-            turn=np.where(slides, 0.0, axes).astype(np.float32),
-            slide=np.where(slides, axes, 0.0).astype(np.float32),
+            turn_axis=np.where(is_prismatic, 0.0, axes).astype(np.float32),
+            slide_axis=np.where(is_prismatic, axes, 0.0).astype(np.float32),
             address=np.array(joints),
         )
 
@@ -104,32 +106,36 @@ def _about(axis: np.ndarray, angle: jax.Array) -> jax.Array:
     The identity for a zero axis.
     """
     x, y, z = axis.T
-    nothing = np.zeros_like(x)
-    skew = np.stack([nothing, -z, y, z, nothing, -x, -y, x, nothing], axis=1).reshape(-1, 3, 3)
+    zero = np.zeros_like(x)
+    skew = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
     sine, versine = jnp.sin(angle)[:, None, None], (1.0 - jnp.cos(angle))[:, None, None]
     return np.eye(3, dtype=np.float32) + sine * skew + versine * (skew @ skew)
 
 
 def _points(
-    model: mujoco.MjModel, body: int, feet: set[str], longest_m: float
+    model: mujoco.MjModel, body: int, feet: set[str], longest_side_spacing_m: float
 ) -> Iterator[tuple[np.ndarray, float]]:
     """Positions in the body's frame, m, and radii, m, of points on its collision shapes.
 
     Args:
-        longest_m: spacing along a shape's longest side, m. `SPACING_M` applies to the others.
+        feet: names of the feet's geoms, which get no points.
+        longest_side_spacing_m: spacing along a shape's longest side. `SPACING_M` applies to the others.
     """
     for geom in np.flatnonzero(model.geom_bodyid == body).tolist() if body >= 0 else ():
         if model.geom(geom).name in feet or not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
             continue
-        half, radius = _core(model, geom)
-        spacing = np.where(half < half.max(), SPACING_M, longest_m)
-        counts = 1 + np.ceil(2.0 * half / spacing - 1e-9).astype(int)
-        axes = [np.linspace(-h, h, n) if n > 1 else np.zeros(1) for h, n in zip(half, counts, strict=True)]
+        half_sizes, radius = _core(model, geom)
+        spacing = np.where(half_sizes < half_sizes.max(), SPACING_M, longest_side_spacing_m)
+        counts = 1 + np.ceil(2.0 * half_sizes / spacing - 1e-9).astype(int)
+        axes = [
+            np.linspace(-half, half, count) if count > 1 else np.zeros(1)
+            for half, count in zip(half_sizes, counts, strict=True)
+        ]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        outside = np.any(np.abs(grid) > half - 1e-9, axis=1)  # true of all points of a line
-        turn = rotation_matrix(model.geom_quat[geom])
-        for corner in grid[outside]:
-            yield model.geom_pos[geom] + turn @ (model.geom_aabb[geom, :3] + corner), radius
+        on_surface = np.any(np.abs(grid) > half_sizes - 1e-9, axis=1)  # true of all points of a line
+        rotation = rotation_matrix(model.geom_quat[geom])
+        for point in grid[on_surface]:
+            yield model.geom_pos[geom] + rotation @ (model.geom_aabb[geom, :3] + point), radius
 
 
 def _core(model: mujoco.MjModel, geom: int) -> tuple[np.ndarray, float]:

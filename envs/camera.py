@@ -62,9 +62,9 @@ def offscreen_renderer(model: mujoco.MjModel) -> mujoco.Renderer:
     try:
         return mujoco.Renderer(model, HEIGHT, WIDTH)
     except Exception as error:  # its type depends on the library
-        chosen = os.environ.get("MUJOCO_GL")
+        back_end = os.environ.get("MUJOCO_GL")
         raise UserError(
-            f"cannot render here with {f'MUJOCO_GL={chosen}' if chosen else 'MUJOCO_GL not set'}:"
+            f"cannot render here with {f'MUJOCO_GL={back_end}' if back_end else 'MUJOCO_GL not set'}:"
             " without a screen set MUJOCO_GL=egl or MUJOCO_GL=osmesa before Python starts,"
             f" whichever footfall doctor finds to work ({error})"
         ) from None

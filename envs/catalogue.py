@@ -41,7 +41,7 @@ def catalogue() -> list[TermInfo]:
     ]
 
 
-def shown(parameter: Parameter) -> str:
+def default_and_limits(parameter: Parameter) -> str:
     """A parameter's default and limits, as text; its unit is the end of its name."""
     default = "required" if parameter.required else _short(parameter.default)
     limits = parameter.limits

@@ -14,8 +14,8 @@ def check_events(task: Task, engine: Engine) -> None:
     """Raise UserError if an event needs the generated physics and another engine runs."""
     for name, event in task.events.items():
         if event.generated_only and engine.name != "generated":
-            needed = f"env.events: '{name}' needs physics 'generated', not '{engine.name}'. {engine.note}"
-            raise UserError(needed.strip())
+            message = f"env.events: '{name}' needs physics 'generated', not '{engine.name}'. {engine.note}"
+            raise UserError(message.strip())
 
 
 def check_timestep(robot: Robot, model: mujoco.MjModel, config: EnvConfig) -> None:

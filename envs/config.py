@@ -145,12 +145,12 @@ class EnvConfig:
     curriculum_steps: int = 0  # environment steps in which the level rises from 0 to 1; 0: 1 from the start
     curricula: tuple[CurriculumConfig, ...] = ()
     task: str = ""  # MODULE:NAME of a function from robot and configuration to an Environment
-    # Generated for the robot, for GPUs and processors; MJX, for all that JAX runs on; MuJoCo C, on all cores.
+    # generated: code for this robot, on GPU or CPU. mjx: wherever JAX runs. c: MuJoCo C, on all cores.
     physics: Literal["generated", "mjx", "c"] = "generated"
     contacts: Contacts = "feet"  # which shapes touch; with any choice except `feet`, joint limits act too
     control_rate_hz: float = 50.0
     substeps: int = 4  # physics steps per control step
-    action_scale: float = 1.0  # multiplies the robot's: how far joints move per unit of action
+    action_scale: float = 1.0  # multiplies the robot's own: how far joints move per unit of action
     episode_s: float = 20.0
     speed_limit: float = 100.0  # generalised velocity above which the simulation counts as diverged
     gait: GaitConfig | None = None
@@ -195,7 +195,7 @@ TERM_LISTS = ("rewards", "terminations", "critic", "events", "curricula")
 def with_lists(env: Any) -> Any:
     """Settings of an environment, as read from YAML, where a mapping by name becomes a list of terms.
 
-    It replaces settings of the default list (see `footfall.common.config.merged`).
+    The mapping replaces settings of the default list (see `footfall.common.config.merged`).
     """
     if not isinstance(env, dict):
         return env

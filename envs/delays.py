@@ -26,16 +26,17 @@ def delayed_goals(
     """
     if delay_s is None:
         return jnp.broadcast_to(goals[0], (len(starts_s), goals.shape[-1]))
-    newer = goals.shape[0] - 1  # number of goals that may not have arrived: all except the oldest
-    ages_s = period_s * np.arange(newer)
-    left_s = (starts_s + timestep_s)[:, None] + ages_s  # from an undelayed arrival to the end of each step
+    pending = goals.shape[0] - 1  # number of goals that may not have arrived: all except the oldest
+    ages_s = period_s * np.arange(pending)
+    # Time from an undelayed arrival to the end of each step.
+    until_end_s = (starts_s + timestep_s)[:, None] + ages_s
     if jnp.ndim(delay_s):
-        arrived = jnp.clip((left_s[:, :, None] - delay_s[:-1]) / timestep_s, 0.0, 1.0)
-        arrived = jax.lax.cummax(arrived, axis=1)
+        arrived_share = jnp.clip((until_end_s[:, :, None] - delay_s[:-1]) / timestep_s, 0.0, 1.0)
+        arrived_share = jax.lax.cummax(arrived_share, axis=1)
     else:
-        arrived = jnp.clip((left_s - delay_s) / timestep_s, 0.0, 1.0)[:, :, None]
-    steps = goals[:-1] - goals[1:]
-    return goals[-1] + sum(arrived[:, k] * steps[k] for k in range(newer))
+        arrived_share = jnp.clip((until_end_s - delay_s) / timestep_s, 0.0, 1.0)[:, :, None]
+    changes = goals[:-1] - goals[1:]
+    return goals[-1] + sum(arrived_share[:, k] * changes[k] for k in range(pending))
 
 
 def delayed_readings(recent: jax.Array, delay_s: jax.Array | None, timestep_s: float) -> jax.Array:
@@ -52,6 +53,6 @@ def delayed_readings(recent: jax.Array, delay_s: jax.Array | None, timestep_s: f
     row = jnp.clip(recent.shape[0] - 1 - delay_s / timestep_s, 0.0, recent.shape[0] - 1.0)
     before = jnp.floor(row).astype(jnp.int32)
     after = jnp.minimum(before + 1, recent.shape[0] - 1)
-    share = row - before
+    weight = row - before
     column = jnp.arange(recent.shape[1]) if jnp.ndim(delay_s) else slice(None)
-    return (1.0 - share) * recent[before, column] + share * recent[after, column]
+    return (1.0 - weight) * recent[before, column] + weight * recent[after, column]

@@ -20,15 +20,16 @@ class Disturbances:
     def __init__(self, task: Task, config: EnvConfig, scene: Scene) -> None:
         self._task, self._config, self._scene = task, config, scene
         self._resets, self._timed = task.resets, task.timed
-        self.reset_numbers = [event.numbers for event in self._resets.values()]  # of `reset`
-        self.timers = 1 + len(self._timed)  # one for the command and one for each timed event
+        # Uniform numbers that `reset` takes, event by event.
+        self.reset_numbers = [event.numbers for event in self._resets.values()]
+        self.timer_count = 1 + len(self._timed)  # one for the command and one for each timed event
         timed = (event.numbers for event in self._timed.values())
-        self._step_sizes = [task.command.numbers, *timed, self.timers]
+        self._step_sizes = [task.command.numbers, *timed, self.timer_count]
         self.step_numbers = sum(self._step_sizes)  # uniform numbers that `step` takes
 
-    def reset(self, state: State, numbers: Sequence[jax.Array]) -> State:
+    def reset(self, state: State, u_events: Sequence[jax.Array]) -> State:
         """The state after the events of a reset, with uniform numbers for each."""
-        for (name, event), u in zip(self._resets.items(), numbers, strict=True):
+        for (name, event), u in zip(self._resets.items(), u_events, strict=True):
             occasion = Occasion(self._scene, True, u, self._task.strength(name, state.level))
             state = event.change(state, occasion)
         return state
@@ -40,20 +41,22 @@ class Disturbances:
             state: after a control step.
             u: uniform numbers, shape (step_numbers,).
         """
-        command, *numbers, timers = split(u, *self._step_sizes)
-        hold, *intervals = timers
+        u_command, *u_events, u_timers = split(u, *self._step_sizes)
+        u_hold, *u_intervals = u_timers
         event_steps = {}
-        for (name, event), own, interval in zip(self._timed.items(), numbers, intervals, strict=True):
+        for (name, event), u_event, u_interval in zip(
+            self._timed.items(), u_events, u_intervals, strict=True
+        ):
             due = state.event_steps[name] <= 0
-            occasion = Occasion(self._scene, due, own, self._task.strength(name, state.level))
+            occasion = Occasion(self._scene, due, u_event, self._task.strength(name, state.level))
             changed = event.change(state, occasion)
             state = changed if event.reads_due else _where(due, changed, state)
-            steps = self._steps(interval, event.interval_s)
+            steps = self._steps(u_interval, event.interval_s)
             event_steps[name] = jnp.where(due, steps, state.event_steps[name] - 1)
         command_due = state.hold_steps <= 0
         return state._replace(
-            command=jnp.where(command_due, self.command(command, state.level), state.command),
-            hold_steps=jnp.where(command_due, self.hold_steps(hold), state.hold_steps - 1),
+            command=jnp.where(command_due, self.command(u_command, state.level), state.command),
+            hold_steps=jnp.where(command_due, self.hold_steps(u_hold), state.hold_steps - 1),
             event_steps=event_steps,
         )
 
@@ -68,7 +71,7 @@ class Disturbances:
     def event_steps(self, u: Sequence[jax.Array]) -> dict[str, jax.Array]:
         """Control steps until each timed event, int32, from a uniform number for each."""
         pairs = zip(self._timed.items(), u, strict=True)
-        return {name: self._steps(one, event.interval_s) for (name, event), one in pairs}
+        return {name: self._steps(u_interval, event.interval_s) for (name, event), u_interval in pairs}
 
     def _steps(self, u: jax.Array, interval_s: Distribution | None) -> jax.Array:
         assert interval_s is not None

@@ -25,11 +25,13 @@ class Feet:
         self._radius = single(model.geom_size[np.concatenate(feet), 0])
         counts = [len(geoms) for geoms in feet]
         starts, max_count = np.cumsum([0, *counts[:-1]]), max(counts)
-        # The points of each foot, (feet, most); a foot with fewer points repeats them.
-        self._points = np.array([s + np.arange(max_count) % c for s, c in zip(starts, counts, strict=True)])
+        # The points of each foot, (feet, max_count); a foot with fewer points repeats them.
+        self._points_of_foot = np.array(
+            [start + np.arange(max_count) % count for start, count in zip(starts, counts, strict=True)]
+        )
         self._gait = gait
         self._timestep_s = timestep_s
-        self.count, self.points = len(feet), sum(counts)
+        self.count, self.point_count = len(feet), sum(counts)
 
     def clearance(self, position: jax.Array, ground: jax.Array | float = 0.0) -> jax.Array:
         """Height of each foot's lowest point above the ground, m, (feet,).
@@ -38,15 +40,15 @@ class Feet:
             position: position of the points, m, world, (points, 3).
             ground: ground height below each point, m, (points,).
         """
-        return jnp.min((height_above_ground(position) - ground - self._radius)[self._points], axis=1)
+        return jnp.min((height_above_ground(position) - ground - self._radius)[self._points_of_foot], axis=1)
 
-    def nearest(self, distance: jax.Array) -> jax.Array:
+    def min_over_points(self, values: jax.Array) -> jax.Array:
         """Minimum of the values (points,) over each foot's points, (feet,)."""
-        return jnp.min(distance[self._points], axis=1)
+        return jnp.min(values[self._points_of_foot], axis=1)
 
     def tilt(self, position: jax.Array, ground: jax.Array | float = 0.0) -> jax.Array:
         """Height of each foot's highest point above its lowest, m, (feet,); arguments as of `clearance`."""
-        height = (height_above_ground(position) - ground - self._radius)[self._points]
+        height = (height_above_ground(position) - ground - self._radius)[self._points_of_foot]
         return jnp.max(height, axis=1) - jnp.min(height, axis=1)
 
     def speed(self, positions: jax.Array) -> jax.Array:
@@ -55,12 +57,12 @@ class Feet:
         It is the speed of the foot's fastest point: a sole that turns on the spot slips.
         """
         velocity = (positions[-1] - positions[-2]) / self._timestep_s
-        square = jnp.sum(velocity[:, :2] ** 2, axis=-1)
-        return jnp.sqrt(jnp.max(square[self._points], axis=1))
+        speed_sq = jnp.sum(velocity[:, :2] ** 2, axis=-1)
+        return jnp.sqrt(jnp.max(speed_sq[self._points_of_foot], axis=1))
 
     def centres(self, position: jax.Array) -> jax.Array:
         """Middle of each foot's points, m, (feet, 3), from points (points, 3)."""
-        return jnp.mean(position[self._points], axis=1)
+        return jnp.mean(position[self._points_of_foot], axis=1)
 
     def crowding(self, position: jax.Array, min_distance_m: float) -> jax.Array:
         """Shortfall of the distance between two feet, squared and summed over pairs, m^2.
@@ -70,9 +72,9 @@ class Feet:
             min_distance_m: horizontal distance beyond which a pair does not count.
         """
         centre = self.centres(position)[:, :2]
-        one, other = np.triu_indices(self.count, k=1)
-        square = jnp.sum((centre[one] - centre[other]) ** 2, axis=-1)
-        return jnp.sum(jnp.maximum(min_distance_m - jnp.sqrt(square), 0.0) ** 2)
+        first, second = np.triu_indices(self.count, k=1)
+        distance_sq = jnp.sum((centre[first] - centre[second]) ** 2, axis=-1)
+        return jnp.sum(jnp.maximum(min_distance_m - jnp.sqrt(distance_sq), 0.0) ** 2)
 
     def planned_swing(self, phase: jax.Array, moving: jax.Array) -> jax.Array:
         """Planned swing of each foot: 0 in stance, rising to 1 at mid-swing; 0 without a gait.

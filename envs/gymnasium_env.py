@@ -89,18 +89,18 @@ class GymnasiumEnv(gymnasium.Env):
         """
         refuse_options(options)
         super().reset(seed=seed)
-        self.state, *seen = self._reset(draw_key(self.np_random))
-        observation, command = map(np.array, seen)  # copies: the next step reuses the state's memory
+        self.state, *outputs = self._reset(draw_key(self.np_random))
+        observation, command = map(np.array, outputs)  # copies: the next step reuses the state's memory
         return observation, {"command": command}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One control step."""
         if self.state is None:
             raise gymnasium.error.ResetNeeded("reset the environment before its first step")
-        self.state, seen = self._step(self.state, np.asarray(action, np.float32))
-        info = {name: np.array(value) if value.ndim else float(value) for name, value in seen.info.items()}
-        ended = bool(seen.terminated), bool(seen.truncated)
-        return np.array(seen.observation), float(seen.reward), *ended, info
+        self.state, result = self._step(self.state, np.asarray(action, np.float32))
+        info = {name: np.array(value) if value.ndim else float(value) for name, value in result.info.items()}
+        ended = bool(result.terminated), bool(result.truncated)
+        return np.array(result.observation), float(result.reward), *ended, info
 
     def render(self) -> np.ndarray | None:
         """The robot as it stands, (height, width, 3) bytes, if made with render mode rgb_array."""
@@ -147,7 +147,7 @@ class GymnasiumVectorEnv(VectorEnv):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin all episodes. A number seeds environment k with seed + k, as gymnasium's own do.
+        """Begin all episodes. A number seeds environment k with seed + k, as gymnasium's own environments do.
 
         Each environment has a generator of its own, which lasts until its next seed.
 
@@ -161,16 +161,16 @@ class GymnasiumVectorEnv(VectorEnv):
         if len(seed) != self.num_envs:
             raise ValueError(f"{len(seed)} seeds for {self.num_envs} environments")
         self._generators = [
-            kept if one is None else seeding.np_random(one)
-            for kept, one in zip(self._generators, seed, strict=True)
+            generator if each is None else seeding.np_random(each)
+            for generator, each in zip(self._generators, seed, strict=True)
         ]
-        self.state, *seen = self._reset(np.stack([draw_key(generator) for generator in self.np_random]))
-        observations, commands = map(np.array, seen)
+        self.state, *outputs = self._reset(np.stack([draw_key(generator) for generator in self.np_random]))
+        observations, commands = map(np.array, outputs)
         return observations, masked({"command": commands}, np.ones(self.num_envs, bool))
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The generator of each environment, as gymnasium's own give them."""
+        """The generator of each environment, as gymnasium's own vector environments return them."""
         return tuple(generator for generator, _ in self._generators)
 
     @property
@@ -181,12 +181,13 @@ class GymnasiumVectorEnv(VectorEnv):
     def step(
         self, actions: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """One control step of all."""
+        """One control step of all robots."""
         if self.state is None:
             raise gymnasium.error.ResetNeeded("reset the environments before their first step")
-        self.state, *seen = self._step(self.state, np.asarray(actions, np.float32))
-        observations, commands, last = jax.tree.map(np.array, seen)
-        return observations, last.reward, last.terminated, last.truncated, gathered(last, commands)
+        self.state, *outputs = self._step(self.state, np.asarray(actions, np.float32))
+        observations, commands, result = jax.tree.map(np.array, outputs)
+        info = vector_info(result, commands)
+        return observations, result.reward, result.terminated, result.truncated, info
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """A picture of each robot, if made with render mode rgb_array."""
@@ -238,29 +239,29 @@ def step_result(step: Step) -> StepResult:
     return StepResult(step.observation["state"], step.reward, step.terminated > 0, step.truncated > 0, info)
 
 
-def gathered(last: StepResult, commands: np.ndarray) -> dict[str, Any]:
+def vector_info(result: StepResult, commands: np.ndarray) -> dict[str, Any]:
     """The info of a step, in the form of gymnasium's own vector environments.
 
     Args:
-        last: the results of the step; where an episode ended, those of its last step.
+        result: results of the step; where an episode ended, of its last step.
         commands: the next commands, shape (environments, 3); a new episode's where one ended.
     """
-    ended = last.terminated | last.truncated
-    errors = {name: value for name, value in last.info.items() if name != "command"}
+    ended = result.terminated | result.truncated
+    errors = {name: value for name, value in result.info.items() if name != "command"}
     info: dict[str, Any] = masked({"command": commands}, np.ones_like(ended)) | masked(errors, ~ended)
     if ended.any():
         observations = np.full(len(ended), None)  # objects: a wrapper may change their shape
         for k in np.flatnonzero(ended):
-            observations[k] = last.observation[k].copy()
+            observations[k] = result.observation[k].copy()
         info |= {"final_obs": observations, "_final_obs": ended.copy()}
-        info |= {"final_info": masked(last.info, ended), "_final_info": ended.copy()}
+        info |= {"final_info": masked(result.info, ended), "_final_info": ended.copy()}
     return info
 
 
 def masked(values: dict[str, np.ndarray], mask: np.ndarray) -> dict[str, np.ndarray]:
     """Values (environments, ...) where a mask (environments,) holds, else 0; each with the mask as _name."""
-    kept = {name: np.where(mask.reshape(-1, *[1] * (x.ndim - 1)), x, 0) for name, x in values.items()}
-    return kept | {f"_{name}": mask.copy() for name in values}
+    selected = {name: np.where(mask.reshape(-1, *[1] * (x.ndim - 1)), x, 0) for name, x in values.items()}
+    return selected | {f"_{name}": mask.copy() for name in values}
 
 
 def refuse_options(options: dict[str, Any] | None) -> None:

@@ -1,4 +1,4 @@
-"""The height scans of the simulated robot: late, at their own rate, and with a robot's errors."""
+"""The height scans of the simulated robot: delayed, at their own rate, and with a real robot's errors."""
 
 import math
 from collections.abc import Callable
@@ -40,28 +40,28 @@ class Scanner:
         self._kept = math.ceil((errors.lag_s[1] + 1.0 / scan.rate_hz) / period_s) + 1
         self.numbers = NUMBERS + 2 * scan.size  # uniform numbers that `deliver` takes
 
-    def deliver(self, state: State, ground: Heights, u: jax.Array, first: bool) -> tuple[State, jax.Array]:
+    def deliver(self, state: State, ground: Heights, u: jax.Array, is_reset: bool) -> tuple[State, jax.Array]:
         """The newest heights that have arrived, (points,), NaN if unknown; to be called once a control step.
 
         Args:
             state: after the control step.
             ground: heights of the ground around the robot.
             u: uniform numbers, (numbers,).
-            first: whether an episode begins.
+            is_reset: whether an episode begins.
         """
-        drawn, noise = split(u, NUMBERS, 2 * self._scan.size)
+        u_errors, u_noise = split(u, NUMBERS, 2 * self._scan.size)
         pose, time_s = self._pose(state), state.steps * self._period_s
-        if first:
-            scans = Scans(jnp.tile(pose, (self._kept, 1)), draw_errors(self._errors, drawn))
+        if is_reset:
+            scans = Scans(jnp.tile(pose, (self._kept, 1)), draw_errors(self._errors, u_errors))
         else:
-            before: Scans = state.terms[NAME][NAME]
-            scans = before._replace(poses=jnp.concatenate([pose[None], before.poses[:-1]]))
-        rate_hz, errors = self._scan.rate_hz, scans.errors
-        taken_s = jnp.floor((time_s - errors.lag_s + DUE_TOLERANCE_S) * rate_hz) / rate_hz
-        back = jnp.round((time_s - taken_s) / self._period_s).astype(jnp.int32)
-        pose = scans.poses[jnp.clip(back, 0, self._kept - 1)]
-        heights = self._heights(pose, ground, errors.shift_m)
-        heights = with_errors(heights, self._errors, errors, taken_s, noise.reshape(2, -1))
+            previous: Scans = state.terms[NAME][NAME]
+            scans = previous._replace(poses=jnp.concatenate([pose[None], previous.poses[:-1]]))
+        rate_hz, episode_errors = self._scan.rate_hz, scans.errors
+        taken_s = jnp.floor((time_s - episode_errors.lag_s + DUE_TOLERANCE_S) * rate_hz) / rate_hz
+        steps_ago = jnp.round((time_s - taken_s) / self._period_s).astype(jnp.int32)
+        pose = scans.poses[jnp.clip(steps_ago, 0, self._kept - 1)]
+        heights = self._heights(pose, ground, episode_errors.shift_m)
+        heights = with_errors(heights, self._errors, episode_errors, taken_s, u_noise.reshape(2, -1))
         return state._replace(terms=state.terms | {NAME: {NAME: scans}}), heights
 
     def exact(self, state: State, ground: Heights) -> jax.Array:

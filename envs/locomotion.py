@@ -53,8 +53,8 @@ class LocomotionEnv:
         self.period_s, self.timestep_s = 1.0 / config.control_rate_hz, config.timestep_s
         self.action_size = len(robot.joint_names)
         self.episode_steps = round(config.episode_s * config.control_rate_hz)
-        exact = config.terrain is not None and config.terrain.exact_friction
-        model = training_model(robot, self.timestep_s, config.contacts, exact)
+        exact_friction = config.terrain is not None and config.terrain.exact_friction
+        model = training_model(robot, self.timestep_s, config.contacts, exact_friction)
         check_timestep(robot, model, config)
         self.engine = make_engine(config.physics, model, robot)
         gait = find_gait(config.gait.name, robot) if config.gait else None
@@ -91,10 +91,10 @@ class LocomotionEnv:
         """The kinds of numbers that are concatenated in the actor's and in the critic's observation."""
         terms = self.contract.observation
         actor = [term_kind(term) for term in terms for _ in range(term.history)]
-        frame = [term_kind(term) for term in terms]
+        newest = [term_kind(term) for term in terms]
         randomisation = self.config.randomisation
         sampled = [q.kind for name, q in QUANTITIES.items() if getattr(randomisation, name) is not None]
-        return {"state": actor, "privileged_state": [*actor, *frame, *self.task.critic_kinds, *sampled]}
+        return {"state": actor, "privileged_state": [*actor, *newest, *self.task.critic_kinds, *sampled]}
 
     @property
     def observation_sizes(self) -> dict[str, int]:
@@ -120,13 +120,13 @@ class LocomotionEnv:
         return self._begin(state.key, state.level, state)
 
     def _begin(
-        self, key: jax.Array, level: jax.Array | float, before: State | None
+        self, key: jax.Array, level: jax.Array | float, previous: State | None
     ) -> tuple[State, dict[str, jax.Array]]:
         n, substeps, events = self.action_size, self.config.substeps, self.disturbances
         key, sample_key, rest_key = jax.random.split(key, 3)
         noise_size, command_size = self.observer.numbers, self.task.command.numbers
-        *resets, noise, command, (hold, *intervals), clock = uniform(
-            rest_key, *events.reset_numbers, noise_size, command_size, events.timers, 1
+        *u_resets, u_noise, u_command, (u_hold, *u_intervals), phase = uniform(
+            rest_key, *events.reset_numbers, noise_size, command_size, events.timer_count, 1
         )
         sample = self._draw_robot(sample_key, level)
         nominal = SimpleNamespace(**jax.tree.map(jnp.asarray, self._nominal))
@@ -139,29 +139,29 @@ class LocomotionEnv:
             qacc_warmstart=jnp.zeros_like(qvel),
             sample=sample,
             fields=randomised_fields(nominal, sample, self._map),
-            command=events.command(command, level),
-            hold_steps=events.hold_steps(hold),
-            event_steps=events.event_steps(intervals),
+            command=events.command(u_command, level),
+            hold_steps=events.hold_steps(u_hold),
+            event_steps=events.event_steps(u_intervals),
             steps=jnp.int32(0),
-            phase=clock,
+            phase=phase,
             actions=jnp.zeros((3, n)),
             goals=jnp.tile(self.scene.default_pose, (KEPT_GOALS, 1)),
             target=jnp.asarray(self.scene.default_pose),
             recent_readings=jnp.zeros((substeps, self.observer.numbers)),
-            frames=self.observer.no_frames(),
+            history=self.observer.empty_history(),
             terms={},
-            lagged_torque=self.actuation.no_torque(sample),
-            net_memory=self.actuation.no_memory,
-            winding_c=self.actuation.initial_winding(sample),
-            lateness_s=self.lateness.before(sample),
+            lagged_torque=self.actuation.initial_torque(sample),
+            net_memory=self.actuation.initial_memory,
+            winding_c=self.actuation.initial_winding_c(sample),
+            lateness_s=self.lateness.initial(sample),
             supply=self.supply.at_rest(sample),
         )
-        state = self.terrain.begin(events.reset(state, resets), jax.random.fold_in(rest_key, 1), before)
+        state = self.terrain.begin(events.reset(state, u_resets), jax.random.fold_in(rest_key, 1), previous)
         readings = self.observer.readings(state.qpos, state.qvel, torque, state.fields.get(GRAVITY))
         state = state._replace(recent_readings=jnp.tile(readings, (substeps, 1)))
         data = self.data_at(state, example_data(self.scene))
         recent = jnp.tile(readings, (2 * substeps, 1))
-        state, observed = self.observer.observe(state, recent, noise, data.ground, first=True)
+        state, observed = self.observer.observe(state, recent, u_noise, data.ground, is_reset=True)
         state = state._replace(terms=state.terms | self.task.init(data))
         return self.observations(state, observed, data)
 
@@ -181,23 +181,23 @@ class LocomotionEnv:
         phase = (state.phase + frequency_hz * self.period_s) % 1.0
         state = countdown(state)._replace(steps=state.steps + 1, phase=phase)
 
-        state = self.terrain.moved(state, trace)
+        state = self.terrain.after_physics(state, trace)
         state, data, values = self._evaluate(state, self.step_data(state, trace))
-        state = self.terrain.scored(state, data)
-        in_full = sum(task.weights[name] for name in task.in_full)
-        reward = jnp.where(diverged, in_full, self._reward_rate(values)) * self.period_s
+        state = self.terrain.after_step(state, data)
+        diverged_rate = sum(task.weights[name] for name in task.in_full)
+        reward = jnp.where(diverged, diverged_rate, self._reward_rate(values)) * self.period_s
         terminated = jnp.maximum(data.fell, diverged.astype(jnp.float32))
         truncated = (state.steps >= self.episode_steps).astype(jnp.float32) * (1.0 - terminated)
 
-        read = functools.partial(self.observer.readings, gravity=state.fields.get(GRAVITY))
-        readings = jax.vmap(read)(trace.qpos, trace.qvel, trace.torque)
+        readings_at = functools.partial(self.observer.readings, gravity=state.fields.get(GRAVITY))
+        readings = jax.vmap(readings_at)(trace.qpos, trace.qvel, trace.torque)
         recent = jnp.concatenate([state.recent_readings, readings])
         key, numbers_key = jax.random.split(state.key)
-        disturbance, noise = uniform(numbers_key, self.disturbances.step_numbers, self.observer.numbers)
-        state = self.disturbances.step(state._replace(key=key, recent_readings=readings), disturbance)
-        data_now = self.data_at(state, data)
-        late_s = self.lateness.of_readings(state, numbers_key)
-        state, observed = self.observer.observe(state, recent, noise, data_now.ground, lateness_s=late_s)
+        u_disturbances, u_noise = uniform(numbers_key, self.disturbances.step_numbers, self.observer.numbers)
+        state = self.disturbances.step(state._replace(key=key, recent_readings=readings), u_disturbances)
+        data_now = self.data_at(state, data)  # after events and a new command, which rewards do not see
+        delay_s = self.lateness.of_readings(state, numbers_key)
+        state, observed = self.observer.observe(state, recent, u_noise, data_now.ground, lateness_s=delay_s)
         state, observations = self.observations(state, observed, data_now)
 
         metrics = {f"reward/{name}": value for name, value in values.items()}
@@ -213,9 +213,9 @@ class LocomotionEnv:
         drive = self.actuation.drive(targets, state.sample, state.supply, state.winding_c)
         drive = drive._replace(kp=stiffness(state, drive.kp))
         end, trace = self.engine.simulate(start, drive, state.fields | self.terrain.fields(state))
-        speeds = jnp.concatenate([state.qvel[None], trace.qvel])[:, self.scene.dofs]
-        supply = self.supply.under_load(state.sample, trace.torque, speeds)
-        winding_c = self.actuation.next_winding(state.winding_c, trace.torque, state.sample)
+        velocities = jnp.concatenate([state.qvel[None], trace.qvel])[:, self.scene.dofs]
+        supply = self.supply.under_load(state.sample, trace.torque, velocities)
+        winding_c = self.actuation.next_winding_c(state.winding_c, trace.torque, state.sample)
         state = state._replace(**end._asdict(), target=targets[-1], supply=supply, winding_c=winding_c)
         return state, trace
 
@@ -226,14 +226,14 @@ class LocomotionEnv:
             foot_position=trace.foot_position[-1],
             foot_speed=self.scene.feet.speed(trace.foot_position),
         )
-        return self.data_at(state, self.terrain.feet(state, data))
+        return self.data_at(state, self.terrain.with_feet(state, data))
 
     def data_at(self, state: State, data: StepData) -> StepData:
         """The data with all values that depend only on the state updated."""
-        scene, walk = self.scene, moving(state.command, self.contract)[0]
-        return self.terrain.base(state, data)._replace(
+        scene, is_moving = self.scene, moving(state.command, self.contract)[0]
+        return self.terrain.with_base(state, data)._replace(
             command=state.command,
-            moving=walk,
+            moving=is_moving,
             qpos=state.qpos,
             linear_velocity=scene.base.linear_velocity(state.qpos, state.qvel),
             angular_velocity=scene.base.angular_velocity(state.qvel),
@@ -241,11 +241,11 @@ class LocomotionEnv:
             joint_position=state.qpos[scene.positions],
             joint_velocity=state.qvel[scene.dofs],
             actions=state.actions,
-            swing=scene.feet.planned_swing(state.phase, walk),
+            swing=scene.feet.planned_swing(state.phase, is_moving),
         )
 
     def _evaluate(self, state: State, data: StepData) -> tuple[State, StepData, dict[str, jax.Array]]:
-        """Evaluate terminations, then rewards; returns states, the data with `fell`, and weighted rewards."""
+        """Evaluate terminations, then rewards: returns state, data with `fell`, and weighted rewards."""
         task, terms = self.task, state.terms
         ends, terminations = task.terminations.evaluate(terms["terminations"], data)
         fell = functools.reduce(jnp.logical_or, (value > 0 for value in ends.values()), jnp.bool(False))
@@ -262,20 +262,20 @@ class LocomotionEnv:
         for the end itself, which happens once, are not clipped.
         """
         in_full = self.task.in_full
-        rest = sum((value for name, value in weighted.items() if name not in in_full), jnp.float32(0.0))
-        ends = sum(value for name, value in weighted.items() if name in in_full)
-        return jnp.maximum(rest, self.config.reward_floor) + ends
+        to_clip = sum((value for name, value in weighted.items() if name not in in_full), jnp.float32(0.0))
+        unclipped = sum(value for name, value in weighted.items() if name in in_full)
+        return jnp.maximum(to_clip, self.config.reward_floor) + unclipped
 
     def observations(
         self, state: State, observed: jax.Array, data: StepData
     ) -> tuple[State, dict[str, jax.Array]]:
         """The state with the critic terms' states, and both observations; `observed` is the actor's."""
         values, critic = self.task.critic.evaluate(state.terms["critic"], data)
-        clean = self.observer.clean_frame(state, data.torque, data.ground)
+        clean = self.observer.clean_values(state, data.torque, data.ground)
         sampled = [state.sample[name] for name in QUANTITIES if name in state.sample]
-        seen = [observed, clean, *map(jnp.ravel, values.values()), *map(jnp.ravel, sampled)]
+        privileged = [observed, clean, *map(jnp.ravel, values.values()), *map(jnp.ravel, sampled)]
         state = state._replace(terms=state.terms | {"critic": critic})
-        return state, {"state": observed, "privileged_state": jnp.concatenate(seen)}
+        return state, {"state": observed, "privileged_state": jnp.concatenate(privileged)}
 
     def _draw_robot(self, key: jax.Array, level: jax.Array | float) -> Sample:
         """Draw the differences of this episode's robot from the nominal one."""

@@ -1,4 +1,4 @@
-"""The actor's observation: readings with delay, bias and noise, in a history of frames."""
+"""The actor's observation: readings with delay, bias and noise, in a history."""
 
 import jax
 import jax.numpy as jnp
@@ -35,7 +35,7 @@ class Observer:
     """Observes a state as a policy on the robot would."""
 
     def __init__(self, model: mujoco.MjModel, robot: Robot, config: EnvConfig, contract: Contract) -> None:
-        """Raises UserError if readings may be delayed for too long, or a randomised one is not simulated."""
+        """Raises UserError if a reading may be delayed for too long, or is randomised but not simulated."""
         require_delays(config.randomisation, "readings", 1.0 / config.control_rate_hz)
         refuse_unread_sensors(config.randomisation)
         self._positions, self._dofs = joint_addresses(model, robot)
@@ -72,7 +72,7 @@ class Observer:
         )
         return as_vector(read(sensed))
 
-    def no_frames(self) -> jax.Array:
+    def empty_history(self) -> jax.Array:
         """Empty history before the first observation, shape (history, size_per_step)."""
         return jnp.zeros((history_length(self._contract), size_per_step(self._contract)))
 
@@ -82,7 +82,7 @@ class Observer:
         recent: jax.Array,
         u: jax.Array,
         ground: Heights = level_ground,
-        first: bool = False,
+        is_reset: bool = False,
         lateness_s: jax.Array | None = None,
     ) -> tuple[State, jax.Array]:
         """The state with the newest values in its history, and the actor's observation.
@@ -92,26 +92,28 @@ class Observer:
             recent: readings after each of the last physics steps, oldest first, shape (k, numbers).
             u: uniform numbers for the noise, shape (numbers,).
             ground: height of the ground at positions in the world.
-            first: whether an episode begins; its first values then fill the whole history.
+            is_reset: whether an episode begins; its first values then fill the whole history.
             lateness_s: delay of each number in this step, s, (numbers,); None: the sample's constant delay.
         """
-        late_s = transport_of(state.sample, "readings").delay_s if lateness_s is None else lateness_s
-        delayed = delayed_readings(recent, late_s, self._timestep_s)
+        delay_s = transport_of(state.sample, "readings").delay_s if lateness_s is None else lateness_s
+        delayed = delayed_readings(recent, delay_s, self._timestep_s)
         noise, scan_numbers = split(u, *self._sizes)
         readings = noisy(biased(from_vector(delayed, self._joints), state.sample), self._noise, noise)
         heights = None
         if self._scanner is not None:
-            state, heights = self._scanner.deliver(state, ground, scan_numbers, first)
+            state, heights = self._scanner.deliver(state, ground, scan_numbers, is_reset)
         newest = step_values(
             Inputs(readings, state.actions[0], state.command, state.phase, heights), self._contract
         )
-        frames = jnp.broadcast_to(newest, state.frames.shape) if first else push_history(state.frames, newest)
-        return state._replace(frames=frames), observation(frames, self._contract)
+        history = (
+            jnp.broadcast_to(newest, state.history.shape) if is_reset else push_history(state.history, newest)
+        )
+        return state._replace(history=history), observation(history, self._contract)
 
-    def clean_frame(self, state: State, torque: jax.Array, ground: Heights = level_ground) -> jax.Array:
+    def clean_values(self, state: State, torque: jax.Array, ground: Heights = level_ground) -> jax.Array:
         """Observation values without delay, bias and noise, for the critic."""
-        found = self.readings(state.qpos, state.qvel, torque, state.fields.get(GRAVITY))
-        readings = from_vector(found, self._joints)
+        vector = self.readings(state.qpos, state.qvel, torque, state.fields.get(GRAVITY))
+        readings = from_vector(vector, self._joints)
         heights = None if self._scanner is None else self._scanner.exact(state, ground)
         return step_values(
             Inputs(readings, state.actions[0], state.command, state.phase, heights), self._contract

@@ -52,13 +52,15 @@ def with_current_state(saved: Any) -> Any:
     """A saved training state, as nested mappings, with the parts that environments have today."""
     if not isinstance(saved, dict):
         return saved
-    whole = {key: with_current_state(value) for key, value in saved.items()}
-    if "push_steps" in whole:
-        whole["event_steps"] = {"push": whole.pop("push_steps")}
-        whole["terms"] = {"rewards": {}, "terminations": {}, "critic": {}}
-    if "asked" in whole and "piece" in whole:  # progress on a piece of ground
-        whole["commanded"] = whole.pop("asked")
-    return whole
+    current = {key: with_current_state(value) for key, value in saved.items()}
+    if "push_steps" in current:
+        current["event_steps"] = {"push": current.pop("push_steps")}
+        current["terms"] = {"rewards": {}, "terminations": {}, "critic": {}}
+    if "frames" in current and "recent_readings" in current:
+        current["history"] = current.pop("frames")
+    if "asked" in current and "piece" in current:  # progress on a piece of ground
+        current["commanded"] = current.pop("asked")
+    return current
 
 
 def _put_scales(env: dict[str, Any], scales: dict[str, Any]) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 def uniform(key: jax.Array, *sizes: int) -> list[jax.Array]:
     """Independent numbers in [0, 1), in vectors of these sizes.
 
-    They are computed apart from their uses: XLA would fuse twenty rounds of a hash into each of them, which
-    takes a third of a program's compilation.
+    The numbers are computed apart from their uses. Otherwise XLA fuses twenty rounds of a hash into each use,
+    which takes a third of a program's compilation.
     """
     return split(jax.lax.optimization_barrier(jax.random.uniform(key, (sum(sizes),))), *sizes)
 

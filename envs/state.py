@@ -26,7 +26,7 @@ class State(NamedTuple):
     goals: jax.Array  # (actuation.KEPT_GOALS, n) newest first, rad
     target: jax.Array  # (n,) rate-limited target, rad
     recent_readings: jax.Array  # (substeps, m) true readings after each physics step, oldest first
-    frames: jax.Array  # (history, frame)
+    history: jax.Array  # (steps, size_per_step) observation values of the last control steps, oldest first
     terms: dict[str, dict[str, Any]]  # states of the terms that have one, by kind and name
     lagged_torque: jax.Array | None = None  # (n,) N m, of motors with lag
     net_memory: jax.Array | None = None  # (n, m, inputs) of the actuator net, of a robot that has one

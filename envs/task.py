@@ -31,7 +31,7 @@ from footfall.envs.terms.rewards import REWARDS
 from footfall.envs.terms.terminations import TERMINATIONS
 from footfall.robots.kinds import Kind, Parts
 
-OTHERS = ("commands", "randomisation")  # sections that a curriculum can act on, besides events
+SECTIONS = ("commands", "randomisation")  # sections that a curriculum can act on, besides events
 
 
 class Terms(NamedTuple):
@@ -45,13 +45,13 @@ class Terms(NamedTuple):
 
     def evaluate(self, states: dict[str, Any], data: StepData) -> tuple[dict[str, jax.Array], dict[str, Any]]:
         """The value of each term, and the states after this step."""
-        values, after = {}, {}
+        values, next_states = {}, {}
         for name, term in self.by_name.items():
             if name in states:
-                after[name], values[name] = term.step(states[name], data)
+                next_states[name], values[name] = term.step(states[name], data)
             else:
                 values[name] = term(data)
-        return values, after
+        return values, next_states
 
 
 class Event(NamedTuple):
@@ -123,25 +123,25 @@ def _is_in_full(term: Any) -> bool:
     return getattr(getattr(term, "func", term), "in_full", False)
 
 
-def _terms(entries: Sequence[NamedTermConfig], available: dict[str, Any], what: str, where: str) -> Terms:
-    check_labels(entries, where)
-    found = {}
+def _terms(entries: Sequence[NamedTermConfig], available: dict[str, Any], kind: str, section: str) -> Terms:
+    check_labels(entries, section)
+    terms = {}
     for index, entry in enumerate(entries):
-        key = f"{where}[{index}]"
-        found[entry.label] = bind(choose(entry.term, available, what, key), entry.settings, key)
-    return Terms(found)
+        key = f"{section}[{index}]"
+        terms[entry.label] = bind(choose(entry.term, available, kind, key), entry.settings, key)
+    return Terms(terms)
 
 
 def _critic(entries: Sequence[NamedTermConfig]) -> tuple[Terms, list[Kind]]:
     check_labels(entries, "env.critic")
-    found, kinds = {}, []
+    terms, kinds = {}, []
     for index, entry in enumerate(entries):
         key = f"env.critic[{index}]"
         term = choose(entry.term, CRITIC, "critic term", key)
         _require(term, CriticTerm, "critic_term", key)
-        found[entry.label] = bind(term.source, entry.settings, key)
+        terms[entry.label] = bind(term.source, entry.settings, key)
         kinds.append(term.kind)
-    return Terms(found), kinds
+    return Terms(terms), kinds
 
 
 def _command(config: EnvConfig) -> CommandTerm:
@@ -153,46 +153,46 @@ def _command(config: EnvConfig) -> CommandTerm:
 
 def _events(entries: Sequence[EventConfig], scene: Scene) -> dict[str, Event]:
     check_labels(entries, "env.events")
-    parts, found = Parts(len(scene.robot.joint_names), scene.bodies, scene.feet.count), {}
+    parts, events = Parts(len(scene.robot.joint_names), scene.bodies, scene.feet.count), {}
     for index, entry in enumerate(entries):
         key = f"env.events[{index}]"
         term = choose(entry.term, EVENTS, "event", key)
         _require(term, EventTerm, "event_term", key)
         change = bind(term.change, entry.settings, key)
         interval_s = entry.interval_s or term.interval_s
-        found[entry.label] = Event(
+        events[entry.label] = Event(
             change, term.numbers(parts), interval_s, term.reads_due, term.generated_only
         )
-    return found
+    return events
 
 
 def _curricula(config: EnvConfig, events: dict[str, Event]) -> list[Curriculum]:
     check_labels(config.curricula, "env.curricula")
-    found = []
+    curricula = []
     for index, entry in enumerate(config.curricula):
         key = f"env.curricula[{index}]"
-        if entry.of not in (*OTHERS, *events):
-            raise UserError(f"{key}.of: no '{entry.of}': there are {', '.join((*OTHERS, *events))}")
+        if entry.of not in (*SECTIONS, *events):
+            raise UserError(f"{key}.of: no '{entry.of}': there are {', '.join((*SECTIONS, *events))}")
         term = choose(entry.term, CURRICULA, "curriculum", key)
-        found.append(Curriculum(entry.of, bind(term, entry.settings, key)))
-    return found
+        curricula.append(Curriculum(entry.of, bind(term, entry.settings, key)))
+    return curricula
 
 
-def _require(term: Any, kind: type, decorator: str, where: str) -> None:
+def _require(term: Any, kind: type, decorator: str, key: str) -> None:
     if not isinstance(term, kind):
-        raise UserError(f"{where}: expected a function under @{decorator}, not {type(term).__name__}")
+        raise UserError(f"{key}: expected a function under @{decorator}, not {type(term).__name__}")
 
 
-def _check_terms(terms: Terms, scene: Scene, where: str, *sizes: int) -> None:
+def _check_terms(terms: Terms, scene: Scene, section: str, *sizes: int) -> None:
     """Raise UserError if a term fails on a standing robot, or returns a wrong number of values."""
-    shapes = jax.eval_shape(partial(_values_standing, terms, scene, where))
+    shapes = jax.eval_shape(partial(_values_when_standing, terms, scene, section))
     for index, name in enumerate(terms.by_name):
-        found, size = shapes[name].size, sizes[index] if index < len(sizes) else 1
-        if found != size:
-            raise UserError(f"{where}[{index}]: returns {found} numbers, expected {size}")
+        size, expected = shapes[name].size, sizes[index] if index < len(sizes) else 1
+        if size != expected:
+            raise UserError(f"{section}[{index}]: returns {size} numbers, expected {expected}")
 
 
-def _values_standing(terms: Terms, scene: Scene, where: str) -> dict[str, jax.Array]:
+def _values_when_standing(terms: Terms, scene: Scene, section: str) -> dict[str, jax.Array]:
     """Values of all terms for a robot that stands still; an error names the term's entry."""
     example, values = example_data(scene), {}
     for index, (name, term) in enumerate(terms.by_name.items()):
@@ -200,7 +200,7 @@ def _values_standing(terms: Terms, scene: Scene, where: str) -> dict[str, jax.Ar
         try:
             values[name] = jnp.asarray(alone.evaluate(alone.init(example), example)[0][name])
         except UserError as error:
-            raise UserError(f"{where}[{index}]: {error}") from None
+            raise UserError(f"{section}[{index}]: {error}") from None
         except Exception as error:  # any other error is the term's
-            raise UserError(f"{where}[{index}]: {one_line(error)}") from error
+            raise UserError(f"{section}[{index}]: {one_line(error)}") from error
     return values

@@ -70,7 +70,7 @@ def weakest_of(
 ) -> dict[str, Any]:
     """Find the smallest disturbances that make a policy fall, print them, write the JSON.
 
-    Args as for `evaluate_policy`; `names` are those of `footfall.evaluate.weakest.DISTURBANCES`.
+    Arguments as for `evaluate_policy`; `names` are those of `footfall.evaluate.weakest.DISTURBANCES`.
 
     Raises:
         UserError: as `evaluate_policy` and `footfall.evaluate.weakest.weakest`.
@@ -79,10 +79,10 @@ def weakest_of(
     robot, file, policies = _load(config, [policy_spec])
     check_outputs(json_path, inputs=[policy_spec, config.scenario_file, config.plant])
     with console.status("searching"):
-        found = weakest(policy_spec, config, file, names)
+        disturbances = weakest(policy_spec, config, file, names)
     (name,) = policy_names(policies).values()
-    result = {"policy": name, "robot": robot.name, "seed": config.seed, "weakest": found}
-    console.print(weakest_table(name, found))
+    result = {"policy": name, "robot": robot.name, "seed": config.seed, "weakest": disturbances}
+    console.print(weakest_table(name, disturbances))
     write_json(json_path, result)
     return result
 
@@ -97,7 +97,7 @@ def compare_policies(
 ) -> dict[str, Any]:
     """Run several policies through the same scenarios and the test course; write table, JSON, HTML report.
 
-    Args as for `evaluate_policy`; `html_path` is the file for the report, which needs the extra `report`.
+    Arguments as for `evaluate_policy`. `html_path`: file for the report, which needs the extra `report`.
 
     Returns:
         {policy: as `evaluate_policy` returns it, with "compute_ms": {"p50", "p99"} on the course, alone}
@@ -126,7 +126,7 @@ def compare_policies(
             on_grounds = run_grounds(list(policies), config, file)
     for spec, walk in walks.items():
         results[spec] |= walk.compute
-    compared = [
+    policy_results = [
         PolicyResult(
             results[spec]["policy"],
             spec,
@@ -138,8 +138,8 @@ def compare_policies(
         )
         for spec, policy in policies.items()
     ]
-    comparison = Comparison(robot, config, file, compared, versions(PACKAGES))
-    by_name = {policy.name: policy.result for policy in compared}
+    comparison = Comparison(robot, config, file, policy_results, versions(PACKAGES))
+    by_name = {policy.name: policy.result for policy in policy_results}
     print_results(by_name, console)
     write_json(json_path, by_name)
     if html_path is not None:
@@ -157,9 +157,9 @@ def _load(config: EvaluationConfig, specs: Sequence[str]) -> tuple[Robot, Scenar
     """Load every named item, so that errors appear before the long run."""
     if not specs:
         raise UserError("nothing to compare: name at least one policy")
-    twice = next((spec for spec in specs if specs.count(spec) > 1), None)
-    if twice is not None:
-        raise UserError(f"policy '{twice}' is named twice: name each policy once")
+    repeated = next((spec for spec in specs if specs.count(spec) > 1), None)
+    if repeated is not None:
+        raise UserError(f"policy '{repeated}' is named twice: name each policy once")
     if config.episodes is not None and config.episodes < 1:
         raise UserError(f"episodes is {config.episodes}: it must be 1 or more")
     robot = load_robot(config.robot)
@@ -187,8 +187,8 @@ def _score(
     console: Console,
 ) -> dict[str, dict[str, Any]]:
     """Run all episodes; the JSON of each policy by spec."""
-    with _progress(console) as done:
-        figures = run_suite(list(policies), config, file, done)
+    with _progress(console) as on_progress:
+        figures = run_suite(list(policies), config, file, on_progress)
     names = policy_names(policies)
     settings = {spec: unstructure(load_settings(spec, robot)) for spec in policies}
     shared = {
@@ -218,8 +218,10 @@ def policy_names(policies: Mapping[str, Policy]) -> dict[str, str]:
 
     Bytes of a file name that are not UTF-8 are replaced, since neither JSON nor a page can contain them.
     """
-    own = [policy.name for policy in policies.values()]
-    names = {spec: policy.name if own.count(policy.name) == 1 else spec for spec, policy in policies.items()}
+    own_names = [policy.name for policy in policies.values()]
+    names = {
+        spec: policy.name if own_names.count(policy.name) == 1 else spec for spec, policy in policies.items()
+    }
     return {spec: name.encode(errors="replace").decode() for spec, name in names.items()}
 
 

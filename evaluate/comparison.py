@@ -50,8 +50,8 @@ class Comparison:
 def command_line(comparison: Comparison) -> str:
     """The command that reproduces the figures."""
     config = comparison.config
-    named = ",".join(str(config.missions.get(name, name)) for name in config.scenarios)
-    options = ["--robot", config.robot, "--scenarios", named, "--seed", str(config.seed)]
+    scenarios = ",".join(str(config.missions.get(name, name)) for name in config.scenarios)
+    options = ["--robot", config.robot, "--scenarios", scenarios, "--seed", str(config.seed)]
     if config.episodes is not None:
         options += ["--episodes", str(config.episodes)]
     if config.scenario_file is not None:

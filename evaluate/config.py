@@ -36,15 +36,15 @@ class EvaluationConfig:
 DEFAULT_EVALUATION = EvaluationConfig()
 
 
-class Named(NamedTuple):
+class ScenarioSelection(NamedTuple):
     """The scenarios and mission files in --scenarios."""
 
     scenarios: tuple[str, ...]  # names
-    missions: dict[str, Path]  # files of the missions among them, by name
+    missions: dict[str, Path]  # files of the missions among the scenarios, by name
 
 
-def parse_scenarios(given: Sequence[str]) -> Named:
+def parse_scenarios(given: Sequence[str]) -> ScenarioSelection:
     """Names of scenarios; a mission's file becomes a scenario with the file's name, without suffix."""
     missions = {each: Path(each) for each in given if Path(each).suffix.lower() in YAML}
     names = tuple(missions[each].stem if each in missions else each for each in given)
-    return Named(names, {path.stem: path for path in missions.values()})
+    return ScenarioSelection(names, {path.stem: path for path in missions.values()})

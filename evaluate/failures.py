@@ -14,11 +14,11 @@ def failures(summaries: Sequence[Summary]) -> str:
     Args:
         summaries: summaries of scenarios, as `footfall.evaluate.summary.summarise` makes them.
     """
-    failed = [error.partition(": ")[2] for summary in summaries for error in summary["failed_episodes"]]
-    if not failed:
+    reasons = [error.partition(": ")[2] for summary in summaries for error in summary["failed_episodes"]]
+    if not reasons:
         return ""
-    total = len(failed) + sum(summary["episodes"] for summary in summaries)
-    counted = Counter(failed).most_common()
-    named = [f"{reason} ({count})" for reason, count in counted[:MAX_REASONS]]
-    more = [f"{len(counted) - MAX_REASONS} more reasons"] if len(counted) > MAX_REASONS else []
-    return f"{len(failed)} of {total} episode{'s' * (total != 1)} failed: {'; '.join(named + more)}"
+    total = len(reasons) + sum(summary["episodes"] for summary in summaries)
+    counts = Counter(reasons).most_common()
+    listed = [f"{reason} ({count})" for reason, count in counts[:MAX_REASONS]]
+    more = [f"{len(counts) - MAX_REASONS} more reasons"] if len(counts) > MAX_REASONS else []
+    return f"{len(reasons)} of {total} episode{'s' * (total != 1)} failed: {'; '.join(listed + more)}"

@@ -32,9 +32,9 @@ class Figure:
     unit: str = ""
     digits: int = 0
     better: Literal["low", "high", ""] = ""
-    upright: bool = False
+    blocked_by_falls: bool = False
     headline: bool = False
-    leads: str = ""  # phrase about the leader of a headline figure: "falls least often"
+    claim: str = ""  # phrase about the leader of a headline figure: "falls least often"
 
     @property
     def title(self) -> str:
@@ -51,18 +51,18 @@ class FigureFile:
 @cache
 def figures() -> dict[str, Figure]:
     """All figures by key, in display order."""
-    found = load(Path(__file__).parent / "figures.yaml", FigureFile).figures
-    return {figure.key: figure for figure in found}
+    file = load(Path(__file__).parent / "figures.yaml", FigureFile)
+    return {figure.key: figure for figure in file.figures}
 
 
 def value(figure: Figure, summary: Summary) -> float | None:
     """The figure's value; None if not measured, infinite for a median push above the strongest tested."""
     if figure.key == "dv50" and summary.get("dv50") is None:
         return math.inf if _stood_most_pushes(summary) else None
-    found: Any = summary
+    entry: Any = summary
     for part in figure.key.split("."):
-        found = found.get(part) if isinstance(found, Mapping) else None
-    return None if found is None else float(found)
+        entry = entry.get(part) if isinstance(entry, Mapping) else None
+    return None if entry is None else float(entry)
 
 
 def interval(figure: Figure, summary: Summary) -> tuple[float, float] | None:
@@ -112,14 +112,14 @@ def measured(figure: Figure, summaries: Sequence[Summary]) -> bool:
 def beats(figure: Figure, one: Summary, other: Summary) -> bool:
     """Whether one policy is clearly better than another: their intervals do not overlap.
 
-    In an `upright` figure, a policy that fell more often is never better: a robot that falls early makes few
+    With `blocked_by_falls`, a policy that fell more often is never better: a robot that falls early makes few
     errors and uses little energy.
     """
     first, second = interval(figure, one), interval(figure, other)
-    few = min(one["episodes"], other["episodes"]) < MIN_EPISODES and figure.key not in RATES
-    if first is None or second is None or few:
+    too_few = min(one["episodes"], other["episodes"]) < MIN_EPISODES and figure.key not in RATES
+    if first is None or second is None or too_few:
         return False
-    if figure.upright and one["fall_rate"] > other["fall_rate"]:
+    if figure.blocked_by_falls and one["fall_rate"] > other["fall_rate"]:
         return False
     return (
         first[1] < second[0] if figure.better == "low" else figure.better == "high" and first[0] > second[1]
@@ -127,11 +127,11 @@ def beats(figure: Figure, one: Summary, other: Summary) -> bool:
 
 
 def leaders(figure: Figure, summaries: Sequence[Summary]) -> set[int]:
-    """Smallest group of policies that are each better than all others with a value; may be empty."""
-    known = [index for index, summary in enumerate(summaries) if interval(figure, summary) is not None]
-    for size in range(1, len(known)):
-        for group in combinations(known, size):
-            rest = [index for index in known if index not in group]
+    """Smallest group of policies that are each better than all others with an interval; may be empty."""
+    ranked = [index for index, summary in enumerate(summaries) if interval(figure, summary) is not None]
+    for size in range(1, len(ranked)):
+        for group in combinations(ranked, size):
+            rest = [index for index in ranked if index not in group]
             if all(beats(figure, summaries[one], summaries[other]) for one in group for other in rest):
                 return set(group)
     return set()
@@ -139,8 +139,8 @@ def leaders(figure: Figure, summaries: Sequence[Summary]) -> set[int]:
 
 def best(figure: Figure, summaries: Sequence[Summary]) -> int | None:
     """Index of the policy that beats all others, if there is one."""
-    first = leaders(figure, summaries)
-    return first.pop() if len(first) == 1 else None
+    leading = leaders(figure, summaries)
+    return leading.pop() if len(leading) == 1 else None
 
 
 def _stood_most_pushes(summary: Summary) -> bool:

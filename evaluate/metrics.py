@@ -42,7 +42,7 @@ class EpisodeMetrics:
     stance_s: float  # time that feet bore load, summed over feet
     legs_touch_share: float  # share of the time in which two different legs press on each other
     target_rate_rad_s: float  # root mean square over joints and time
-    torque_rate_nm_s: float  # likewise, for the motors' torque
+    torque_rate_nm_s: float  # the same for the motors' torque
     estimate_mse: float  # of the estimated horizontal velocity, m^2/s^2; NaN without an estimator
 
     @property
@@ -91,7 +91,7 @@ def progress(command: np.ndarray, velocity: np.ndarray) -> float:
 
     Args:
         command: horizontal velocity, m/s, body frame, (T, 2).
-        velocity: true horizontal velocity of the base, likewise.
+        velocity: true horizontal velocity of the base, m/s, body frame, (T, 2).
     """
     speed = np.linalg.norm(command, axis=1)
     moving = speed > 0.0

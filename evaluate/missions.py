@@ -111,14 +111,14 @@ def score_mission(source: MissionSource, trace: Trace) -> MissionScore:
     """The score of a mission whose episode is over, from ground truth."""
     progress = source.progress
     done = progress.done and not trace.fell
-    late = "" if trace.fell or trace.faults else "the mission is not over in time"
-    trouble = "" if done else progress.outcome or late
+    timeout = "" if trace.fell or trace.faults else "the mission is not over in time"
+    trouble = "" if done else progress.outcome or timeout
     if not len(trace.time_s):
         return MissionScore(done, trouble, 0.0, math.nan)
     yaw = float(heading(trace.base_quaternion[0]))
-    moved = heading_matrix(-yaw) @ (trace.base_position[-1] - trace.base_position[0])
-    off = moved[:2] - source.goal[:2]
-    return MissionScore(done, trouble, float(trace.time_s[-1]), float(np.hypot(*off)))
+    displacement = heading_matrix(-yaw) @ (trace.base_position[-1] - trace.base_position[0])
+    error = displacement[:2] - source.goal[:2]
+    return MissionScore(done, trouble, float(trace.time_s[-1]), float(np.hypot(*error)))
 
 
 def mission_figures(scores: Sequence[MissionScore]) -> dict[str, Any]:

@@ -69,11 +69,11 @@ def plan_episodes(name: str, scenario: Scenario, seed: int, episodes: int | None
     count = episodes or scenario.episodes
     if count > MAX_EPISODES:
         raise UserError(f"{count} episodes of {name}: {MAX_EPISODES:,} at most")
-    identity = zlib.crc32(name.encode())
-    levels = spread_levels(scenario.levels, count, np.random.default_rng((seed, identity)))
+    name_seed = zlib.crc32(name.encode())
+    levels = spread_levels(scenario.levels, count, np.random.default_rng((seed, name_seed)))
     plans = []
     for index, level in enumerate(levels):
-        rng = np.random.default_rng((seed, identity, index))
+        rng = np.random.default_rng((seed, name_seed, index))
         plans.append(
             EpisodePlan(
                 scenario=name,
@@ -96,22 +96,23 @@ def spread_levels(
 ) -> list[Levels]:
     """A level of each factor for each episode.
 
-    The levels of the first factor alternate, so that any number of episodes covers them evenly. Each of them
+    The levels of the first factor alternate, so that any number of episodes covers them evenly. Each level
     meets every combination of the other factors, in random order, before one repeats.
     """
     if not levels:
         return [{} for _ in range(episodes)]
-    (first, firsts), *others = levels.items()
-    rest = list(product(*(values for _, values in others)))
-    turns = rng.permutation(len(firsts))
-    orders = [rng.permutation(len(rest)) for _ in firsts]
-    names = (first, *(name for name, _ in others))
-    chosen = []
+    (first_name, first_values), *others = levels.items()
+    rest = list(product(*(values for _, values in others)))  # combinations of the other factors
+    first_order = rng.permutation(len(first_values))
+    rest_orders = [rng.permutation(len(rest)) for _ in first_values]
+    names = (first_name, *(name for name, _ in others))
+    levels_by_episode = []
     for episode in range(episodes):
-        lap, turn = divmod(episode, len(firsts))
-        level = turns[turn]
-        chosen.append(dict(zip(names, (firsts[level], *rest[orders[level][lap % len(rest)]]), strict=True)))
-    return chosen
+        repetition, position = divmod(episode, len(first_values))
+        index = first_order[position]
+        combination = rest[rest_orders[index][repetition % len(rest)]]
+        levels_by_episode.append(dict(zip(names, (first_values[index], *combination), strict=True)))
+    return levels_by_episode
 
 
 def _schedule(scenario: Scenario, level: Levels, rng: np.random.Generator) -> CommandSchedule:
@@ -125,13 +126,13 @@ def _schedule(scenario: Scenario, level: Levels, rng: np.random.Generator) -> Co
 
 
 def _draw_commands(commands: DrawnCommands, duration_s: float, rng: np.random.Generator) -> CommandSchedule:
-    times, values, now = [], [], 0.0
-    while now < duration_s:
+    times, values, time_s = [], [], 0.0
+    while time_s < duration_s:
         value = tuple(float(rng.uniform(*getattr(commands, axis))) for axis in COMMAND_AXES)
         stands = rng.random() < commands.standing_share
-        times.append(now)
+        times.append(time_s)
         values.append((0.0, 0.0, 0.0) if stands else value)
-        now += float(rng.uniform(*commands.hold_s))
+        time_s += float(rng.uniform(*commands.hold_s))
     return CommandSchedule(tuple(times), tuple(values))  # type: ignore[arg-type]
 
 

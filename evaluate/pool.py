@@ -29,7 +29,7 @@ ONE_THREAD = {
 }
 
 # The signals with which a user or an operating system ends a run.
-ENDS = {signal.SIGINT, signal.SIGTERM}
+ENDING_SIGNALS = {signal.SIGINT, signal.SIGTERM}
 
 
 class TaskResult(NamedTuple, Generic[R]):
@@ -43,7 +43,7 @@ def run_all(
     function: Callable[[T], R],
     tasks: Sequence[T],
     workers: int | None = None,
-    done: Callable[[int], None] | None = None,
+    on_finished: Callable[[int], None] | None = None,
     environment: dict[str, str] | None = None,
 ) -> list[TaskResult[R]]:
     """Run a module-level function on every task, in fresh processes; outcomes in the order of the tasks.
@@ -56,7 +56,7 @@ def run_all(
         function: picklable, as are tasks and values.
         tasks: its arguments.
         workers: number of processes; None: one for each core.
-        done: called with the number of finished tasks.
+        on_finished: called with the number of finished tasks, whenever one has finished.
         environment: variables for the processes.
 
     Raises:
@@ -70,17 +70,17 @@ def run_all(
 
     def settle(index: int, outcome: TaskResult[R]) -> None:
         outcomes[index] = outcome
-        if done is not None:
-            done(len(outcomes))
+        if on_finished is not None:
+            on_finished(len(outcomes))
 
     with _variables({**ONE_THREAD, **(environment or {})}):
-        waiting = list(range(len(tasks)))
-        while waiting:
-            suspects = _run_until_broken(function, tasks, waiting, count, settle)
+        unsettled = list(range(len(tasks)))
+        while unsettled:
+            suspects = _run_until_broken(function, tasks, unsettled, count, settle)
             for suspect in suspects:
                 if _run_until_broken(function, tasks, [suspect], 1, settle):
                     settle(suspect, TaskResult(None, "its process died"))
-            waiting = [index for index in waiting if index not in outcomes]
+            unsettled = [index for index in unsettled if index not in outcomes]
     return [outcomes[index] for index in range(len(tasks))]
 
 
@@ -96,7 +96,7 @@ def _run_until_broken(
     pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_exit_with_parent)
     queue = iter(indices)
     in_flight: dict[Future[R], int] = {}
-    earlier = context.active_children()
+    earlier_children = context.active_children()
     try:
         _launch(pool, function, tasks, queue, in_flight, workers)
         while in_flight:
@@ -115,7 +115,7 @@ def _run_until_broken(
         return sorted(in_flight.values())
     except KeyboardInterrupt:  # SIGTERM reaches only this process; a task may last for minutes
         for worker in context.active_children():
-            if worker not in earlier:
+            if worker not in earlier_children:
                 worker.terminate()
         raise
     finally:
@@ -135,23 +135,23 @@ def _launch(
         index = next(queue, None)
         if index is None:
             return
-        with _signals_wait():  # it may start a process
+        with _signals_delayed():  # it may start a process
             future = pool.submit(function, tasks[index])
         in_flight[future] = index
 
 
 @contextmanager
-def _signals_wait() -> Iterator[None]:
+def _signals_delayed() -> Iterator[None]:
     """Delay Ctrl-C and SIGTERM until after the block; processes started in it unblock them themselves.
 
-    Before that, a KeyboardInterrupt would end their imports with a traceback, and so would a parent that is
-    interrupted before it has sent them their task.
+    Earlier, a KeyboardInterrupt would end a process's imports with a traceback, and so would a parent that is
+    interrupted before it has sent the task.
     """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDS)
+    previous_mask = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING_SIGNALS)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, previous_mask)
 
 
 def _exit_with_parent() -> None:
@@ -161,7 +161,7 @@ def _exit_with_parent() -> None:
     """
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDS)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING_SIGNALS)
     parent = multiprocessing.parent_process()
     assert parent is not None
 
@@ -180,12 +180,12 @@ def _one_line(error: BaseException) -> str:
 @contextmanager
 def _variables(values: dict[str, str]) -> Iterator[None]:
     """Environment variables for processes that start inside the block."""
-    before = {name: os.environ.get(name) for name in values}
+    previous = {name: os.environ.get(name) for name in values}
     os.environ.update(values)
     try:
         yield
     finally:
-        for name, value in before.items():
+        for name, value in previous.items():
             if value is None:
                 os.environ.pop(name, None)
             else:

@@ -196,19 +196,19 @@ def shipped_scenarios() -> dict[str, Scenario]:
     return structure(_in_units(read_yaml(DEFAULT), shares), ScenarioFile, str(DEFAULT)).scenarios
 
 
-def load_scenarios(robot: Robot, own: Path | None = None) -> ScenarioFile:
+def load_scenarios(robot: Robot, user_file: Path | None = None) -> ScenarioFile:
     """The scenarios for a robot: its commands in m/s and rad/s, its loads in kg.
 
     Args:
         robot: the file's commands and loads are shares of its ranges.
-        own: the user's file; its scenarios come after those of footfall, or replace those of the same name.
+        user_file: its scenarios come after those of footfall, or replace those of the same name.
 
     Raises:
         UserError: a file is malformed, or a negative payload exceeds the mass of the robot's base.
     """
     default = read_yaml(DEFAULT)
-    data = default if own is None else with_changes(default, own)
-    source = str(own or DEFAULT)
+    data = default if user_file is None else with_changes(default, user_file)
+    source = str(user_file or DEFAULT)
     file = structure(_in_units(data, _ranges(robot)), ScenarioFile, source)
     _check_loads(file, robot, source)
     return replace(

@@ -77,8 +77,8 @@ def fit_survival(delta_v: ArrayLike, survived: ArrayLike, seed: int = 0) -> Surv
     if x.shape != y.shape or not len(x):
         raise ValueError("needs as many outcomes as pushes, and at least one")
     middle, width = _fit(x, y, np.ones((1, len(x))))
-    drawn, _ = _fit(x, y, _resampled_counts(len(x), seed))
-    low, high = np.sort(drawn)[[int(tail * (len(drawn) - 1)) for tail in _tails()]]
+    resampled, _ = _fit(x, y, _resampled_counts(len(x), seed))
+    low, high = np.sort(resampled)[[int(tail * (len(resampled) - 1)) for tail in _tails()]]
     return Survival(float(middle[0]), float(width[0]), (float(low), float(high)))
 
 

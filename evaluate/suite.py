@@ -30,7 +30,7 @@ def run_suite(
     policies: Sequence[str],
     config: EvaluationConfig,
     file: ScenarioFile,
-    done: Callable[[int, int], None] | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, dict[str, Summary]]:
     """Figures of each policy on each scenario: {policy: {scenario: figures}}.
 
@@ -40,7 +40,7 @@ def run_suite(
         policies: policies, as for `load_policy`, without repetition.
         config: the settings that they share.
         file: the scenarios' definitions.
-        done: called with the number of finished episodes and of all.
+        on_progress: called with the number of finished episodes and the number of all.
 
     Raises:
         UserError: a scenario, policy, robot or plant does not exist or does not fit.
@@ -53,14 +53,14 @@ def run_suite(
         (policy, name, plan) for name, episodes in plans.items() for plan in episodes for policy in policies
     ]
     tasks = [_task(policy, plan, config, file) for policy, _, plan in pairs]
-    report = None if done is None else lambda finished: done(finished, len(tasks))
-    outcomes = run_all(run_task, tasks, config.workers, report)
-    gathered: dict[tuple[str, str], list[TaskResult[EpisodeOutcome]]] = {}
+    on_finished = None if on_progress is None else lambda finished: on_progress(finished, len(tasks))
+    outcomes = run_all(run_task, tasks, config.workers, on_finished)
+    outcomes_of: dict[tuple[str, str], list[TaskResult[EpisodeOutcome]]] = {}
     for (policy, name, _), outcome in zip(pairs, outcomes, strict=True):
-        gathered.setdefault((policy, name), []).append(outcome)
+        outcomes_of.setdefault((policy, name), []).append(outcome)
     return {
         policy: {
-            name: summarise(scenario, gathered[policy, name], config.seed)
+            name: summarise(scenario, outcomes_of[policy, name], config.seed)
             for name, scenario in chosen.items()
         }
         for policy in policies
@@ -119,7 +119,7 @@ def _task(
 
 
 def _course_walk(plan: EpisodePlan, outcome: TaskResult[EpisodeOutcome]) -> CourseWalk:
-    value = outcome.value
-    if value is None:
+    episode = outcome.value
+    if episode is None:
         return CourseWalk(plan, None, compute_figures(np.zeros(0), 1.0), outcome.error)
-    return CourseWalk(plan, value.trace, compute_figures(value.compute_ms, value.period_ms), "")
+    return CourseWalk(plan, episode.trace, compute_figures(episode.compute_ms, episode.period_ms), "")

@@ -120,11 +120,11 @@ def _figures(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
 def _own(finished: Sequence[EpisodeOutcome], seed: int) -> Summary:
     """Mean and 95 % interval of each metric of the user; every episode has equal weight."""
     values = {name: np.array([outcome.own[name] for outcome in finished]) for name in finished[0].own}
-    even = np.ones(len(finished))
+    equal_weights = np.ones(len(finished))
     return {
-        SECTION: {name: weighted_mean(column, even) for name, column in values.items()},
+        SECTION: {name: weighted_mean(column, equal_weights) for name, column in values.items()},
         f"{SECTION}_interval": {
-            name: bootstrap_mean_interval(column, even, seed) for name, column in values.items()
+            name: bootstrap_mean_interval(column, equal_weights, seed) for name, column in values.items()
         },
     }
 
@@ -171,10 +171,10 @@ def _rows(scenario: Scenario, finished: Sequence[EpisodeOutcome], seed: int) -> 
     rows = []
     for levels in sorted(groups):
         figures = _figures(groups[levels], seed)
-        kept = ("falls", "fall_rate_interval", "lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport")
+        keys = ("falls", "fall_rate_interval", "lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport")
         row = dict(zip(names, levels, strict=True)) | {"episodes": len(groups[levels])}
         on_ground = {} if scenario.ground is None else _successes(groups[levels])
-        rows.append(row | {key: figures[key] for key in kept} | on_ground)
+        rows.append(row | {key: figures[key] for key in keys} | on_ground)
     return rows
 
 

@@ -56,14 +56,14 @@ def scenario_table(scenario: str, names: list[str], summaries: list[Summary]) ->
     return table
 
 
-def weakest_table(policy: str, found: Mapping[str, Any]) -> Table:
+def weakest_table(policy: str, disturbances: Mapping[str, Any]) -> Table:
     """Disturbances that make a policy fall, one a row (`footfall.evaluate.weakest.weakest`)."""
     table = Table(
         title=f"smallest disturbances that make {policy} fall", title_justify="left", title_style="bold"
     )
     for heading in ("", "smallest", "median", "95 % interval", "walked on"):
         table.add_column(heading, justify="right" if heading else "left")
-    for name, each in found.items():
+    for name, each in disturbances.items():
         if name == "together":
             parts = ", ".join(f"{part} {value:.3g}" for part, value in each["values"].items())
             table.add_row(f"together, {each['size']:.2f} of each alone", parts)
@@ -90,12 +90,12 @@ def warnings(results: Mapping[str, Mapping[str, Any]]) -> list[str]:
             if summary["failed_episodes"]:
                 lines.append(f"{policy}, {scenario}: {failures([summary])}")
             notes |= set(summary.get("notes", ()))
-    return lines + _once_each(notes)
+    return lines + _merged_notes(notes)
 
 
-def _once_each(notes: Iterable[str]) -> list[str]:
+def _merged_notes(notes: Iterable[str]) -> list[str]:
     """Notes that differ only in their numbers, merged into one line."""
-    alike: dict[str, list[str]] = {}
+    by_text: dict[str, list[str]] = {}
     for note in sorted(notes):
-        alike.setdefault(_FIGURE.sub("", note), []).append(note)
-    return [first + (f", and {len(more)} more" if more else "") for first, *more in alike.values()]
+        by_text.setdefault(_FIGURE.sub("", note), []).append(note)
+    return [first + (f", and {len(more)} more" if more else "") for first, *more in by_text.values()]

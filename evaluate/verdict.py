@@ -27,13 +27,13 @@ def headlines(by_scenario: Mapping[str, Summaries]) -> list[Headline]:
         by_scenario: {scenario: {policy: summary}}.
     """
     first = next(iter(by_scenario))
-    found = []
+    rows = []
     for key, figure in figures().items():
-        push_scenarios = (name for name, each in by_scenario.items() if measured(figure, list(each.values())))
-        scenario = next(push_scenarios, first) if key == "dv50" else first
+        measured_in = (name for name, each in by_scenario.items() if measured(figure, list(each.values())))
+        scenario = next(measured_in, first) if key == "dv50" else first
         if figure.headline and measured(figure, list(by_scenario[scenario].values())):
-            found.append((figure, scenario))
-    return found
+            rows.append((figure, scenario))
+    return rows
 
 
 def verdict(by_scenario: Mapping[str, Summaries]) -> str:
@@ -57,15 +57,15 @@ def verdict(by_scenario: Mapping[str, Summaries]) -> str:
 
 
 def _alone(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> str:
-    shown = []
+    phrases = []
     for figure, scenario in rows:
         ((name, summary),) = by_scenario[scenario].items()
         interval = interval_text(figure, summary)
         verb = "fell in" if figure.key == "falls" else _lower(figure.label)
-        shown.append(
+        phrases.append(
             f"{verb} {text(figure, summary)} {figure.unit}".strip() + (f" ({interval})" if interval else "")
         )
-    return f"Over {_counted(by_scenario)}, {name} {'; '.join(shown)} (95 % intervals in brackets)."
+    return f"Over {_counted(by_scenario)}, {name} {'; '.join(phrases)} (95 % intervals in brackets)."
 
 
 def _ranking(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> str:
@@ -74,39 +74,39 @@ def _ranking(rows: Sequence[Headline], by_scenario: Mapping[str, Summaries]) -> 
     unclear: list[str] = []
     for figure, scenario in rows:
         names, summaries = list(by_scenario[scenario]), list(by_scenario[scenario].values())
-        first = leaders(figure, summaries)
-        if first:
-            group = tuple(names[index] for index in sorted(first))
-            claim = figure.leads if len(group) == 1 else _plural(figure.leads)
+        leading = leaders(figure, summaries)
+        if leading:
+            group = tuple(names[index] for index in sorted(leading))
+            claim = figure.claim if len(group) == 1 else _plural(figure.claim)
             clear.setdefault(group, []).append(f"{claim} ({_evidence(figure, names, summaries)})")
-        elif smallest := leaders(replace(figure, upright=False), summaries):
-            leading = _listed([names[index] for index in sorted(smallest)])
-            one = len(smallest) == 1
+        elif blocked := leaders(replace(figure, blocked_by_falls=False), summaries):
+            listed = _listed([names[index] for index in sorted(blocked)])
+            is_single = len(blocked) == 1
             qualified.append(
-                f"{leading} {'leads' if one else 'lead'} in {_lower(figure.label)}"
-                f" but {'falls' if one else 'fall'} more often than others"
+                f"{listed} {'leads' if is_single else 'lead'} in {_lower(figure.label)}"
+                f" but {'falls' if is_single else 'fall'} more often than others"
             )
         else:
             # Falls are counted in every scenario: name the scenario, or a reader would take these for all.
             name_scenario = figure.key == "falls" and len(by_scenario) > 1
             unclear.append(_lower(figure.label) + (f" in {scenario}" if name_scenario else ""))
-    claims = [f"{_listed(group)} {_listed(leads)}" for group, leads in clear.items()] + qualified
-    nothing = f"no clear difference in {_listed(unclear, 'or')}" if unclear else ""
+    claims = [f"{_listed(group)} {_listed(phrases)}" for group, phrases in clear.items()] + qualified
+    no_difference = f"no clear difference in {_listed(unclear, 'or')}" if unclear else ""
     if not claims:
-        return f"Over {_counted(by_scenario)} there is {nothing}: the 95 % intervals overlap."
+        return f"Over {_counted(by_scenario)} there is {no_difference}: the 95 % intervals overlap."
     return f"Over {_counted(by_scenario)}, {'; '.join(claims)}; these 95 % intervals lie apart" + (
-        f", and there is {nothing}." if nothing else "."
+        f", and there is {no_difference}." if no_difference else "."
     )
 
 
 def _evidence(figure: Figure, names: Sequence[str], summaries: Sequence[Summary]) -> str:
     """The leaders' values and the best value of the others."""
-    first = leaders(figure, summaries)
-    own = _listed([text(figure, summaries[index]) for index in sorted(first)])
-    others = [index for index in range(len(names)) if index not in first]
+    leading = leaders(figure, summaries)
+    values = _listed([text(figure, summaries[index]) for index in sorted(leading)])
+    others = [index for index in range(len(names)) if index not in leading]
     nearest = min(others, key=lambda index: _badness(figure, summaries[index]))
     unit = f" {figure.unit}" if figure.unit else ""
-    return f"{own}{unit}, against {text(figure, summaries[nearest])} of {names[nearest]}"
+    return f"{values}{unit}, against {text(figure, summaries[nearest])} of {names[nearest]}"
 
 
 def _badness(figure: Figure, summary: Summary) -> float:

@@ -131,7 +131,7 @@ def weakest(
     if len(set(names)) < len(names):
         raise UserError(f"--weakest {','.join(names)}: name each disturbance once")
     if len(names) > 1:
-        _library()
+        _cma_es()
     plans = plan_episodes(SCENARIO, file.scenarios[SCENARIO], config.seed, config.episodes or EPISODES)
     tasks = [
         EpisodeTask(
@@ -141,11 +141,11 @@ def weakest(
     ]
     rays = [Ray(task, {name: 1.0}) for name in names for task in tasks]
     shares = np.array(_run(rays, config.workers)).reshape(len(names), len(tasks))
-    found = {name: _figures(name, row, config.seed) for name, row in zip(names, shares, strict=True)}
+    results = {name: _figures(name, row, config.seed) for name, row in zip(names, shares, strict=True)}
     if len(names) > 1:
         alone = dict(zip(names, np.minimum(shares[:, 0], 1.0).tolist(), strict=True))
-        found["together"] = _combined(tasks[0], alone, config)
-    return found
+        results["together"] = _combined(tasks[0], alone, config)
+    return results
 
 
 def _run(rays: Sequence[Ray], workers: int | None) -> list[float]:
@@ -159,14 +159,14 @@ def _run(rays: Sequence[Ray], workers: int | None) -> list[float]:
 def _figures(name: str, shares: np.ndarray, seed: int) -> dict[str, Any]:
     """Smallest and median disturbance at which the policy fails, in its unit; None if it does not."""
     resamples = np.random.default_rng(seed).choice(shares, (RESAMPLES, len(shares)))
-    middles = np.sort(np.quantile(resamples, 0.5, axis=1, method="lower"))
+    medians = np.sort(np.quantile(resamples, 0.5, axis=1, method="lower"))
     tail = (1 - CONFIDENCE) / 2
-    ends = middles[int(tail * (RESAMPLES - 1))], middles[int((1 - tail) * (RESAMPLES - 1))]
+    edges = medians[int(tail * (RESAMPLES - 1))], medians[int((1 - tail) * (RESAMPLES - 1))]
     return {
         "unit": DISTURBANCES[name].unit,
         "smallest": _value(name, shares.min()),
         "median": _value(name, np.quantile(shares, 0.5, method="lower")),
-        "interval": [_value(name, end) for end in ends],
+        "interval": [_value(name, end) for end in edges],
         "episodes": len(shares),
         "never_fell": int(np.isinf(shares).sum()),
     }
@@ -182,7 +182,7 @@ def _combined(task: EpisodeTask, alone: Severities, config: EvaluationConfig) ->
     Its size is the norm of each disturbance over its size alone: 1 is no smaller than a single disturbance.
     """
     names, scale = list(alone), math.sqrt(len(alone))
-    search = _library()(
+    search = _cma_es()(
         np.full(len(names), 1.0 / scale).tolist(),
         START_STEP,
         {"popsize": POPULATION, "seed": config.seed + 1, "verbose": -9},
@@ -192,7 +192,10 @@ def _combined(task: EpisodeTask, alone: Severities, config: EvaluationConfig) ->
         points = search.ask()
         directions = [np.abs(point) / max(np.linalg.norm(point), 1e-9) for point in points]
         rays = [
-            Ray(task, {name: alone[name] * part for name, part in zip(names, direction, strict=True)})
+            Ray(
+                task,
+                {name: alone[name] * component for name, component in zip(names, direction, strict=True)},
+            )
             for direction in directions
         ]
         sizes = _run(rays, config.workers)
@@ -200,13 +203,13 @@ def _combined(task: EpisodeTask, alone: Severities, config: EvaluationConfig) ->
         best = min([best, *zip(sizes, directions, strict=True)], key=lambda each: each[0])
     size, direction = best
     values = {
-        name: DISTURBANCES[name].at(size * alone[name] * part)
-        for name, part in zip(names, direction.tolist(), strict=True)
+        name: DISTURBANCES[name].at(size * alone[name] * component)
+        for name, component in zip(names, direction.tolist(), strict=True)
     }
     return {"size": float(size), "values": values}
 
 
-def _library() -> Any:
+def _cma_es() -> Any:
     with needs_extra("sweep", "a search over several disturbances needs"):
         import cma
     return cma.CMAEvolutionStrategy

@@ -32,7 +32,9 @@ def table(results: Mapping[str, Any]) -> str:
         summaries = [part["scenarios"][scenario] for part in policies.values()]
         often_fell = any(summary["fall_rate"] > MAX_FALL_RATE for summary in summaries)
         for figure in figures().values():
-            if not (figure.headline and measured(figure, summaries)) or (figure.upright and often_fell):
+            if not (figure.headline and measured(figure, summaries)) or (
+                figure.blocked_by_falls and often_fell
+            ):
                 continue
             cells = [_cell(text(figure, each), interval_text(figure, each)) for each in summaries]
             lines.append(

@@ -167,7 +167,7 @@ def _anchor(key: str) -> str:
 
 def terms() -> str:
     """Every term, kind by kind: its parameters with their defaults and limits, and what it computes."""
-    from footfall.envs.catalogue import catalogue, shown
+    from footfall.envs.catalogue import catalogue, default_and_limits
 
     parts, kind = [], ""
     for term in catalogue():
@@ -178,7 +178,9 @@ def terms() -> str:
                 "| term | parameters | computes |",
                 "| --- | --- | --- |",
             ]
-        parameters = "; ".join(f"`{name}`: {shown(each)}" for name, each in term.parameters.items())
+        parameters = "; ".join(
+            f"`{name}`: {default_and_limits(each)}" for name, each in term.parameters.items()
+        )
         parts.append(f"| `{term.name}` | {_cell(parameters)} | {_cell(term.about)} |")
     return "\n".join(parts)
 

@@ -1,6 +1,6 @@
 """Trains actuator nets: windows of recorded motion are simulated with the net in the joint law.
 
-No torque sensors at the joints are needed, as Hwangbo et al. (2019) have them: the error of the simulated
+Unlike in Hwangbo et al. (2019), no torque sensors at the joints are needed: the error of the simulated
 positions is differentiated through the joint law and the bodies. The bodies' inertia and bias forces are
 those along the recorded path.
 """
@@ -22,12 +22,14 @@ from footfall.robots.actuator_net import INPUTS, ActuatorNet, inputs_of, learned
 from footfall.robots.driven_motion import DrivenMotion
 
 MEMORY_S = np.array([0.004, 0.016])  # time constants of the low-passes
-LIMIT_SHARE, LIMIT_FACTOR = 99.5, 1.5  # percentile of the missing torque, and times that
+# Limit of the learned torque: this percentile of the missing torque, times this factor.
+LIMIT_PERCENTILE, LIMIT_FACTOR = 99.5, 1.5
 MIN_SCALE_NM = 1e-3
 MAX_LIMIT_SHARE, RIDGE = 0.9, 1e-3  # of the linear part's least squares; the inputs' mean square is 1
-FIRST_OUTPUT = 0.1  # share of the usual size of the last layer's first weights: training begins as linear
-HUBER_WIDTH = 5.0  # of a position error, in errors of the law, beyond which it counts linearly
-CHECKED_WINDOWS = 128  # that decide when to stop
+# Initial size of the last layer's weights over the usual size: training begins almost linear.
+INITIAL_OUTPUT_SHARE = 0.1
+HUBER_WIDTH = 5.0  # position error over the law's rms error, above which the loss is linear
+CHECKED_WINDOWS = 128  # windows of the validation motion that each check simulates
 
 
 @dataclass(frozen=True)
@@ -36,11 +38,11 @@ class NetConfig:
 
     hidden: tuple[int, ...] = (16, 16)
     window_s: float = 0.2  # of motion that is simulated
-    windows: int = 64  # in a step
-    steps: int = 300  # of gradient descent; the step length falls to 0 by a cosine
+    windows: int = 64  # in a gradient step
+    steps: int = 300  # gradient steps; the learning rate falls to 0 by a cosine
     check_every: int = 25  # steps; the best net of all checks is kept
     learning_rate: float = 5e-3
-    seeds: int = 2  # trainings; the one that does best on the windows that decide is kept
+    seeds: int = 2  # trainings; the net with the smallest validation error is kept
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -53,90 +55,94 @@ class NetConfig:
 
 
 class Trained(NamedTuple):
-    """A net, and how well it does on windows that were not trained on."""
+    """A net, and its errors on windows that were not trained on."""
 
     net: ActuatorNet
     law_rad: np.ndarray  # (n,) rms error of the physical law
-    net_rad: np.ndarray  # (n,) with the net
-    steps: int  # after which the net was best
+    net_rad: np.ndarray  # (n,) rms error with the net
+    steps: int  # gradient steps after which the net was best
 
 
-def train_net(motion: DrivenMotion, deciding: DrivenMotion, motor: Motor, config: NetConfig) -> Trained:
+def train_net(motion: DrivenMotion, validation: DrivenMotion, motor: Motor, config: NetConfig) -> Trained:
     """Train the nets of a leg's joints.
 
     Args:
         motion: training data.
-        deciding: other motion, which decides which net of which training is kept.
-        motor: motor of its joints, fields (n,).
+        validation: other motion; the net with the smallest error on it is kept.
+        motor: motor of the leg's joints, fields (n,).
         config: settings of the training.
     """
-    start = _begin(motion, motor)
+    initial = _law_alone(motion, motor)
     length = round(config.window_s / motion.step_s)
-    data, judge = (_data(start, each) for each in (motion, deciding))
+    data, validation_data = (_data(initial, each) for each in (motion, validation))
     motor = jax.tree.map(partial(jnp.asarray, dtype=jnp.float32), motor)
-    windows = np.linspace(0, len(deciding.starts) - 1, min(CHECKED_WINDOWS, len(deciding.starts)))
-    chosen = jnp.asarray(deciding.starts[windows.astype(int)])
-    law = _rms(start, motor, judge, chosen, length)
-    start = start._replace(linear=_first_linear(start, motion))
+    windows = np.linspace(0, len(validation.starts) - 1, min(CHECKED_WINDOWS, len(validation.starts)))
+    checked_starts = jnp.asarray(validation.starts[windows.astype(int)])
+    law_rad = _rms_error(initial, motor, validation_data, checked_starts, length)
+    initial = initial._replace(linear=_fitted_linear(initial, motion))
     best: Trained | None = None
-    for number in range(config.seeds):
-        found = _trained(start, motor, data, judge, chosen, law, length, config, config.seed + number)
-        if best is None or _score(found) < _score(best):
-            best = found
+    for index in range(config.seeds):
+        seed = config.seed + index
+        trained = _train_once(
+            initial, motor, data, validation_data, checked_starts, law_rad, length, config, seed
+        )
+        if best is None or _score(trained) < _score(best):
+            best = trained
     assert best is not None
     return best
 
 
-def _score(found: Trained) -> float:
-    return float(np.mean((found.net_rad / found.law_rad) ** 2))
+def _score(trained: Trained) -> float:
+    """Mean squared error relative to the law's; smaller is better."""
+    return float(np.mean((trained.net_rad / trained.law_rad) ** 2))
 
 
-def _begin(motion: DrivenMotion, motor: Motor) -> ActuatorNet:
-    """The law alone: nets without layers, with the sizes of their inputs and of the missing torque."""
+def _law_alone(motion: DrivenMotion, motor: Motor) -> ActuatorNet:
+    """A net without layers, which stands for the law alone; its scales and limit come from the motion."""
     command = JointCommand.of(np.moveaxis(motion.command, 1, 0))
     joints = motion.position.shape[1]
     linear = np.zeros((joints, INPUTS * (1 + len(MEMORY_S)), 1))
     plain = ActuatorNet((), linear, MEMORY_S, np.ones((joints, INPUTS)), np.ones(joints))
     inputs = inputs_of(plain, command, motion.position, motion.velocity, motion.torque)
-    limit = LIMIT_FACTOR * np.percentile(np.abs(motion.missing), LIMIT_SHARE, axis=0)
+    limit = LIMIT_FACTOR * np.percentile(np.abs(motion.missing), LIMIT_PERCENTILE, axis=0)
     return plain._replace(
         scale=np.maximum(np.sqrt((inputs**2).mean(axis=0)), MIN_SCALE_NM),
         limit=np.maximum(limit, MIN_SCALE_NM),
     )
 
 
-def _along(net: ActuatorNet, motion: DrivenMotion) -> tuple[np.ndarray, np.ndarray]:
+def _inputs_along(net: ActuatorNet, motion: DrivenMotion) -> tuple[np.ndarray, np.ndarray]:
     """Inputs (T, n, INPUTS) along a motion, and the memory before each step (T, n, m, INPUTS)."""
     command = JointCommand.of(np.moveaxis(motion.command, 1, 0))
     inputs = np.asarray(inputs_of(net, command, motion.position, motion.velocity, motion.torque))
-    kept = np.exp(-motion.step_s / net.memory_s)[:, None]
+    decay = np.exp(-motion.step_s / net.memory_s)[:, None]
     memory = np.empty((*motion.position.shape, len(net.memory_s), INPUTS))
-    now = np.repeat(inputs[0, :, None], len(net.memory_s), axis=1)
-    for row, read in enumerate(inputs[:, :, None]):
-        memory[row] = now
-        now = read + kept * (now - read)
+    low_passed = np.repeat(inputs[0, :, None], len(net.memory_s), axis=1)
+    for row, values in enumerate(inputs[:, :, None]):
+        memory[row] = low_passed
+        low_passed = values + decay * (low_passed - values)
     return inputs, memory
 
 
-def _first_linear(net: ActuatorNet, motion: DrivenMotion) -> np.ndarray:
+def _fitted_linear(net: ActuatorNet, motion: DrivenMotion) -> np.ndarray:
     """The missing torque as a linear function of the inputs, by least squares, (n, inputs, 1)."""
-    inputs, memory = _along(net, motion)
-    read = np.concatenate([inputs[:, :, None], memory], axis=2).reshape(*inputs.shape[:2], -1)
+    inputs, memory = _inputs_along(net, motion)
+    features = np.concatenate([inputs[:, :, None], memory], axis=2).reshape(*inputs.shape[:2], -1)
     target = np.arctanh((motion.missing / net.limit).clip(-MAX_LIMIT_SHARE, MAX_LIMIT_SHARE))
-    normal = np.einsum("tni,tnj->nij", read, read) + RIDGE * len(read) * np.eye(read.shape[2])
-    found: np.ndarray = np.linalg.solve(normal, np.einsum("tni,tn->ni", read, target)[..., None])
-    return found
+    normal = np.einsum("tni,tnj->nij", features, features) + RIDGE * len(features) * np.eye(features.shape[2])
+    linear: np.ndarray = np.linalg.solve(normal, np.einsum("tni,tn->ni", features, target)[..., None])
+    return linear
 
 
 class _Data(NamedTuple):
-    """What windows are cut from; T steps, in single precision."""
+    """Recorded motion from which windows are cut: T steps, in single precision."""
 
     command: jax.Array  # (T, 5, n)
     position: jax.Array  # (T, n)
     velocity: jax.Array  # (T, n)
     mobility: jax.Array  # (T, n, n) inverse inertia
-    bias: jax.Array  # (T, n)
-    before: jax.Array  # (T, n)
+    bias: jax.Array  # (T, n) N m, force that keeps the accelerations at 0
+    torque_before: jax.Array  # (T, n) N m, motor torque at the beginning of each step, with lag
     memory: jax.Array  # (T, n, m, INPUTS)
     starts: jax.Array  # (S,)
     step_s: float
@@ -144,7 +150,7 @@ class _Data(NamedTuple):
 
 def _data(net: ActuatorNet, motion: DrivenMotion) -> _Data:
     """A motion with its inverse inertia and the memory of the net along it."""
-    _, memory = _along(net, motion)
+    _, memory = _inputs_along(net, motion)
     single = partial(jnp.asarray, dtype=jnp.float32)
     return _Data(
         command=single(motion.command),
@@ -152,25 +158,27 @@ def _data(net: ActuatorNet, motion: DrivenMotion) -> _Data:
         velocity=single(motion.velocity),
         mobility=single(np.linalg.inv(motion.inertia)),
         bias=single(motion.bias),
-        before=single(motion.before),
+        torque_before=single(motion.before),
         memory=single(memory),
         starts=jnp.asarray(motion.starts),
         step_s=motion.step_s,
     )
 
 
-def _windows(net: ActuatorNet, motor: Motor, data: _Data, starts: jax.Array, length: int) -> jax.Array:
+def _position_errors(
+    net: ActuatorNet, motor: Motor, data: _Data, starts: jax.Array, length: int
+) -> jax.Array:
     """Simulated minus recorded positions of windows, rad, (length, W, n)."""
     lag = None if motor.lag_s is None else lag_over(motor.lag_s, data.step_s)
     rows = starts + jnp.arange(length)[:, None]  # (length, W)
 
-    def step(carried: Any, now: tuple[jax.Array, ...]) -> tuple[Any, jax.Array]:
-        position, velocity, before, memory = carried
-        values, mobility, bias, target = now
+    def step(carry: Any, recorded: tuple[jax.Array, ...]) -> tuple[Any, jax.Array]:
+        position, velocity, torque_before, memory = carry
+        values, mobility, bias, recorded_position = recorded
         command = JointCommand.of(jnp.moveaxis(values, 1, 0))
         torque = motor_torque(command, position, velocity, motor)
         if lag is not None:
-            torque, before = lagged(torque, before, lag)
+            torque, torque_before = lagged(torque, torque_before, lag)
         inputs = inputs_of(net, command, position, velocity, torque)
         force = torque + friction_torque(velocity, motor, torque) - bias
         if net.layers:
@@ -178,78 +186,80 @@ def _windows(net: ActuatorNet, motor: Motor, data: _Data, starts: jax.Array, len
             force, memory = force + learned.torque, learned.memory
         velocity = velocity + data.step_s * jnp.einsum("wij,wj->wi", mobility, force)
         position = position + data.step_s * velocity
-        return (position, velocity, before, memory), position - target
+        return (position, velocity, torque_before, memory), position - recorded_position
 
-    first = tuple(each[starts] for each in (data.position, data.velocity, data.before, data.memory))
-    along = data.command[rows], data.mobility[rows], data.bias[rows], data.position[rows + 1]
-    return jax.lax.scan(step, first, along)[1]
+    first = tuple(each[starts] for each in (data.position, data.velocity, data.torque_before, data.memory))
+    over_time = data.command[rows], data.mobility[rows], data.bias[rows], data.position[rows + 1]
+    return jax.lax.scan(step, first, over_time)[1]
 
 
-def _rms(net: ActuatorNet, motor: Motor, data: _Data, starts: jax.Array, length: int) -> np.ndarray:
-    error = _windows(net, motor, data, starts, length)
+def _rms_error(net: ActuatorNet, motor: Motor, data: _Data, starts: jax.Array, length: int) -> np.ndarray:
+    error = _position_errors(net, motor, data, starts, length)
     return np.sqrt(np.asarray((error**2).mean(axis=(0, 1)), dtype=float)) + 1e-9
 
 
-def _first_layers(key: jax.Array, joints: int, config: NetConfig) -> tuple[jax.Array, ...]:
+def _initial_layers(key: jax.Array, joints: int, config: NetConfig) -> tuple[jax.Array, ...]:
     sizes = (INPUTS * (1 + len(MEMORY_S)), *config.hidden, 1)
     pairs = list(pairwise(sizes))
     keys = jax.random.split(key, len(pairs))
     layers = [
         jax.random.normal(each, (joints, a, b)) / np.sqrt(a) for each, (a, b) in zip(keys, pairs, strict=True)
     ]
-    return (*layers[:-1], FIRST_OUTPUT * layers[-1])
+    return (*layers[:-1], INITIAL_OUTPUT_SHARE * layers[-1])
 
 
-def _trained(
+def _train_once(
     start: ActuatorNet,
     motor: Motor,
     data: _Data,
-    judge: _Data,
-    chosen: jax.Array,
+    validation_data: _Data,
+    checked_starts: jax.Array,
     law_rad: np.ndarray,
     length: int,
     config: NetConfig,
     seed: int,
 ) -> Trained:
-    """One training: the net that was best on the chosen windows."""
-    key, first = jax.random.split(jax.random.PRNGKey(seed))
-    layers = _first_layers(first, len(law_rad), config)
+    """One training: the net with the smallest error on the windows that begin at `checked_starts`."""
+    key, layers_key = jax.random.split(jax.random.PRNGKey(seed))
+    layers = _initial_layers(layers_key, len(law_rad), config)
     weights = layers, jnp.asarray(start.linear, dtype=jnp.float32)
     optimiser = optax.chain(
         optax.clip_by_global_norm(1.0),
         optax.adam(optax.cosine_decay_schedule(config.learning_rate, config.steps)),
     )
-    state, unit = optimiser.init(weights), jnp.asarray(law_rad, dtype=jnp.float32)
+    state, unit_rad = optimiser.init(weights), jnp.asarray(law_rad, dtype=jnp.float32)
 
     def with_weights(weights: Any) -> ActuatorNet:
         return start._replace(layers=weights[0], linear=weights[1])
 
     def loss(weights: Any, starts: jax.Array) -> jax.Array:
-        error = _windows(with_weights(weights), motor, data, starts, length) / unit
+        error = _position_errors(with_weights(weights), motor, data, starts, length) / unit_rad
         return optax.losses.huber_loss(error, delta=HUBER_WIDTH).mean()
 
     @jax.jit
-    def several(weights: Any, state: Any, key: jax.Array) -> tuple[Any, Any]:
-        def one(carried: Any, key: jax.Array) -> tuple[Any, None]:
-            weights, state = carried
+    def gradient_steps(weights: Any, state: Any, key: jax.Array) -> tuple[Any, Any]:
+        def gradient_step(carry: Any, key: jax.Array) -> tuple[Any, None]:
+            weights, state = carry
             starts = data.starts[jax.random.randint(key, (config.windows,), 0, len(data.starts))]
-            change, state = optimiser.update(jax.grad(loss)(weights, starts), state, weights)
-            return (optax.apply_updates(weights, change), state), None
+            updates, state = optimiser.update(jax.grad(loss)(weights, starts), state, weights)
+            return (optax.apply_updates(weights, updates), state), None
 
         keys = jax.random.split(key, config.check_every)
-        return jax.lax.scan(one, (weights, state), keys)[0]
+        return jax.lax.scan(gradient_step, (weights, state), keys)[0]
 
-    judged: Callable[[Any], jax.Array] = jax.jit(
-        lambda weights: _windows(with_weights(weights), motor, judge, chosen, length)
+    validation_error: Callable[[Any], jax.Array] = jax.jit(
+        lambda weights: _position_errors(
+            with_weights(weights), motor, validation_data, checked_starts, length
+        )
     )
-    none = tuple(np.zeros(layer.shape) for layer in layers)
-    nothing = start._replace(layers=none, linear=np.zeros(start.linear.shape))
-    best = Trained(nothing, law_rad, law_rad, 0)
+    zero_layers = tuple(np.zeros(layer.shape) for layer in layers)
+    zero_net = start._replace(layers=zero_layers, linear=np.zeros(start.linear.shape))
+    best = Trained(zero_net, law_rad, law_rad, 0)
     for number in range(1, config.steps // config.check_every + 1):
-        key, now = jax.random.split(key)
-        weights, state = several(weights, state, now)
-        error = np.sqrt(np.asarray((judged(weights) ** 2).mean(axis=(0, 1)), dtype=float)) + 1e-9
-        kept = with_weights(jax.tree.map(partial(np.asarray, dtype=float), weights))
-        found = Trained(kept, law_rad, error, number * config.check_every)
-        best = min(best, found, key=_score)
+        key, steps_key = jax.random.split(key)
+        weights, state = gradient_steps(weights, state, steps_key)
+        error = np.sqrt(np.asarray((validation_error(weights) ** 2).mean(axis=(0, 1)), dtype=float)) + 1e-9
+        net = with_weights(jax.tree.map(partial(np.asarray, dtype=float), weights))
+        trained = Trained(net, law_rad, error, number * config.check_every)
+        best = min(best, trained, key=_score)
     return best

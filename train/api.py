@@ -64,7 +64,7 @@ def train(request: TrainRequest) -> Path:
 def begin(request: TrainRequest) -> Path:
     """Make the run folder of a training that `resume` then starts; returns the folder.
 
-    Of several processes the first makes it, the others wait.
+    With several processes, the first makes the folder and the others wait.
 
     Raises:
         UserError: no such robot or preset, settings that do not fit the robot or the devices, a folder in
@@ -85,7 +85,7 @@ def begin(request: TrainRequest) -> Path:
 
 
 def _settings(request: TrainRequest, robot: Robot) -> TrainConfig:
-    """The preset's settings with those of the request."""
+    """The preset's settings, changed by the request's settings."""
     config = with_settings(load_preset(request.preset, robot), dict(request.settings), "--set")
     if request.total_steps is not None:
         config = replace(config, ppo=replace(config.ppo, total_steps=request.total_steps))
@@ -207,14 +207,14 @@ def export_run(
     """
     run = open_run(folder)
     robot, path = trained_robot(run.provenance), out or run.policy
-    chosen = checkpoint_path or checkpoint.latest(run.checkpoints)
-    if chosen is None:
+    source = checkpoint_path or checkpoint.latest(run.checkpoints)
+    if source is None:
         raise UserError(f"{folder} has no checkpoint yet")
     cluster.devices()  # reports in one line that there is no device
-    kind = find_trainer(run.provenance.trainer)
-    with device_failures(run, kind.device_errors, verb="export"):
-        trainer = kind(run, robot)
-        trainer.restore(chosen)
+    trainer_class = find_trainer(run.provenance.trainer)
+    with device_failures(run, trainer_class.device_errors, verb="export"):
+        trainer = trainer_class(run, robot)
+        trainer.restore(source)
         return path, trainer.export(path)
 
 
@@ -222,31 +222,33 @@ def _train_to_the_end(run: Run, robot: Robot, display: Display) -> None:
     """Train from the last checkpoint, if there is one, and export."""
     from footfall.train.loop import learn  # imports TensorBoard, while compiled programs are read
 
-    began = time.monotonic()
+    start_s = time.monotonic()
     name, devices = run.provenance.trainer, cluster.devices()
-    kind, where = find_trainer(name), devices[0].device_kind
-    display.report(f"training {robot.name} with {name} on {where}, into {run.folder}")
-    for change in _changes(run.provenance, where):
+    trainer_class, device = find_trainer(name), devices[0].device_kind
+    display.report(f"training {robot.name} with {name} on {device}, into {run.folder}")
+    for change in _changes(run.provenance, device):
         display.report(f"the run began on {change}: results are statistically equal, not bit for bit")
-    if len(devices[: kind.max_devices]) < len(devices):
-        display.report(f"{name} trains on {kind.max_devices} of {len(devices)} devices: the others are idle")
-    with device_failures(run, kind.device_errors):
-        trainer = kind(run, robot)
+    if len(devices[: trainer_class.max_devices]) < len(devices):
+        display.report(
+            f"{name} trains on {trainer_class.max_devices} of {len(devices)} devices: the others are idle"
+        )
+    with device_failures(run, trainer_class.device_errors):
+        trainer = trainer_class(run, robot)
         with cluster.all_or_none():
             newest = newest_checkpoint(run)
             if newest is not None:
                 display.report(f"resuming from {newest.name}")
                 trainer.restore(newest)
-            display.doing("compiling")
+            display.show_stage("compiling")
             trainer.prepare(display.report)
             if newest is None and run.start is not None:
                 _start_from(run, trainer, display)
-        display.report(f"ready after {time.monotonic() - began:.1f} s")
+        display.report(f"ready after {time.monotonic() - start_s:.1f} s")
         learn(run, trainer, display)
         with cluster.all_or_none():
             difference = trainer.export(run.policy)
     display.report(
-        f"exported {run.policy} after {time.monotonic() - began:.1f} s;"
+        f"exported {run.policy} after {time.monotonic() - start_s:.1f} s;"
         f" ONNX Runtime and the trainer differ by at most {difference:.1e}"
     )
 
@@ -263,10 +265,10 @@ def _start_from(run: Run, trainer: Trainer, display: Display) -> None:
         display.report(f"new since the networks were trained: {', '.join(origin.changed)}")
 
 
-def _changes(began: Provenance, device: str) -> list[str]:
+def _changes(provenance: Provenance, device: str) -> list[str]:
     """Device and source revision that a run began with, if they have changed."""
-    changes = [began.device] if began.device != device else []
+    changes = [provenance.device] if provenance.device != device else []
     revision = imported_revision()
-    if began.revision != revision:
-        changes.append(f"source revision {began.revision}, now {revision}")
+    if provenance.revision != revision:
+        changes.append(f"source revision {provenance.revision}, now {revision}")
     return changes

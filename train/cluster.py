@@ -16,7 +16,7 @@ from footfall.common.errors import UserError
 
 
 def join(coordinator: str, processes: int | None = None, process: int | None = None) -> None:
-    """Wait until all processes are there; must be called before any other function of JAX.
+    """Wait until all processes have joined; must be called before any other function of JAX.
 
     Args:
         coordinator: HOST:PORT of process 0, or "auto" under Slurm, MPI or Kubernetes.
@@ -39,7 +39,7 @@ def devices() -> list[jax.Device]:
     """The devices of all processes; the first call starts JAX's back end.
 
     Raises:
-        UserError: it cannot start, as after a GPU was lost.
+        UserError: the back end cannot start, for example after a GPU was lost.
     """
     try:
         return jax.devices()
@@ -77,9 +77,9 @@ def all_or_none() -> Iterator[None]:
     except Exception:
         _which_failed(True)
         raise
-    others = _which_failed(False)
-    if others:
-        raise UserError(f"process {others[0]} failed: see its output")
+    failed = _which_failed(False)
+    if failed:
+        raise UserError(f"process {failed[0]} failed: see its output")
 
 
 def _which_failed(failed_here: bool) -> list[int]:

@@ -52,7 +52,7 @@ class PpoConfig:
     # Target KL divergence: the learning rate adapts to it, below its falling limit.
     desired_kl: float | None = None
     bfloat16: bool = False  # hidden layers compute in 16 bits; parameters, losses and exports stay float32
-    symmetry: bool = False  # learn from mirror images too; the robot must be the same left and right
+    symmetry: bool = False  # learn from mirror images too; the robot must be symmetric left and right
 
     def __post_init__(self) -> None:
         require_positive(
@@ -116,7 +116,7 @@ def available_presets() -> list[str]:
 
 
 def read_preset(name: str) -> dict[str, Any]:
-    """The settings of a preset that ships with footfall, over those of its base where it has one."""
+    """The settings of a preset that ships with footfall, merged over its base's settings if it has a base."""
     path = PRESETS / f"{name}.yaml"
     settings: dict[str, Any] = read_yaml(path)
     base = settings.pop(BASE, None)
@@ -175,7 +175,7 @@ def with_settings(config: TrainConfig, settings: dict[str, Any], source: str) ->
 
     Raises:
         UserError: there is no such setting, or a value does not fit it; the message names `source`.
-                `training_yaml` acts only while a preset is loaded, and is refused here.
+            `training_yaml` acts only while a preset is loaded, and is refused here.
     """
     if "training_yaml" in settings:
         raise UserError(
@@ -185,20 +185,20 @@ def with_settings(config: TrainConfig, settings: dict[str, Any], source: str) ->
     changes: dict[str, Any] = {}
     for key, value in settings.items():
         *parents, name = key.split(".")
-        there, changed = data, changes
+        section, changed = data, changes
         for parent in parents:
-            there = by_label(there.get(parent)) if isinstance(there, dict) else None
+            section = by_label(section.get(parent)) if isinstance(section, dict) else None
             changed = changed.setdefault(parent, {})
-        if not isinstance(there, dict) or (there is data and name not in data):
-            raise UserError(f"{source}: no setting {key}{_meant(key, data)}")
+        if not isinstance(section, dict) or (section is data and name not in data):
+            raise UserError(f"{source}: no setting {key}{_hint(key, data)}")
         changed[name] = value
     return train_config(_merged(data, changes, source), source)
 
 
-def _meant(key: str, data: dict[str, Any]) -> str:
+def _hint(key: str, data: dict[str, Any]) -> str:
     """A hint at the setting that a misspelt key may mean."""
-    whole = [f"{part}.{name}" for part in ("ppo", "env") for name in data[part]]
-    return did_you_mean(next((each for each in whole if each.endswith(f".{key}")), key), whole)
+    full_keys = [f"{part}.{name}" for part in ("ppo", "env") for name in data[part]]
+    return did_you_mean(next((each for each in full_keys if each.endswith(f".{key}")), key), full_keys)
 
 
 def _merged(settings: dict[str, Any], changes: Any, source: str) -> Any:
@@ -216,17 +216,17 @@ def _merged(settings: dict[str, Any], changes: Any, source: str) -> Any:
 def _check_names(env: dict[str, Any], changes: Any, source: str) -> None:
     """Refuse misspelt names of terms: `merged_terms` would ignore settings of an unlisted term."""
     for part in TERM_LISTS if isinstance(changes, dict) else ():
-        given = changes.get(part)
-        for name, entry in given.items() if isinstance(given, dict) else ():
-            adds = not isinstance(entry, dict) or {"term", "weight"} & entry.keys()
-            if adds or name in by_label(env.get(part) or []):
+        changed = changes.get(part)
+        for name, entry in changed.items() if isinstance(changed, dict) else ():
+            is_new_term = not isinstance(entry, dict) or {"term", "weight"} & entry.keys()
+            if is_new_term or name in by_label(env.get(part) or []):
                 continue
-            known = _listed_anywhere(part)
+            known = _known_terms(part)
             if name not in known:
                 raise UserError(f"{source}: env.{part}: no term '{name}'{did_you_mean(str(name), known)}")
 
 
-def _listed_anywhere(part: str) -> set[str]:
+def _known_terms(part: str) -> set[str]:
     """Names of the terms in a list of any shipped preset, or of older settings."""
     older = {term for of_part, term in SECTIONS.values() if of_part == part}
     older |= {term for term, _ in SCALES.values()} if part == "rewards" else set()
@@ -235,25 +235,25 @@ def _listed_anywhere(part: str) -> set[str]:
     return older.union(*(by_label(env.get(part) or default_terms(part)) for env in lists))
 
 
-def _adapted(name: str, robot: Robot | None, file: Mapping[str, Any] | None = None) -> tuple[Any, str]:
+def _adapted(name: str, robot: Robot | None, user: Mapping[str, Any] | None = None) -> tuple[Any, str]:
     """The settings of a preset that ships with footfall, adapted to a robot, and the files they come from.
 
     Args:
         name: the preset's name.
         robot: its own settings replace the preset's; None: the preset is not adapted.
-        file: settings of a user's file over the preset; its `training_yaml` wins over the preset's.
+        user: settings of a user's file over the preset; its `training_yaml` wins over the preset's.
     """
     path = PRESETS / f"{name}.yaml"
     preset = read_preset(name)
     if robot is None:
         return preset, str(path)
-    own = robot.folder / TRAINING_FILE
+    training_file = robot.folder / TRAINING_FILE
     preset = _with_own_ranges(preset, robot)
-    uses_file = (preset | dict(file or {})).get("training_yaml", True)
-    changes = read_yaml(own) if own.is_file() and uses_file else None
+    uses_file = (preset | dict(user or {})).get("training_yaml", True)
+    changes = read_yaml(training_file) if training_file.is_file() and uses_file else None
     if changes is None:
         return preset, str(path)
-    return _merged(preset, changes, str(own)), f"{own} over {path}"
+    return _merged(preset, changes, str(training_file)), f"{training_file} over {path}"
 
 
 def read_config(path: Path) -> TrainConfig:
@@ -285,9 +285,9 @@ def _with_own_ranges(preset: dict[str, Any], robot: Robot) -> dict[str, Any]:
     """
     randomised = preset["env"].get("randomisation", {})
     defaults = default_ranges()
-    own = {
+    robot_ranges = {
         name: unstructure(range_)
         for name, range_ in own_ranges(robot).items()
         if name in randomised or (randomised and name not in defaults and affects_policies(name))
     }
-    return merged(preset, {"env": {"randomisation": own}})
+    return merged(preset, {"env": {"randomisation": robot_ranges}})

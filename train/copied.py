@@ -22,13 +22,13 @@ def adapted_copy(copy: Any, shipped: Any, adapted: Any) -> Any:
         return list(merged.values())
     if not (isinstance(copy, dict) and isinstance(shipped, dict) and isinstance(adapted, dict)):
         return copy
-    found = {
+    combined = {
         key: adapted_copy(
             copy.get(key, _ABSENT), shipped.get(key, _ABSENT), adapted.get(key, shipped.get(key, _ABSENT))
         )
         for key in copy | adapted
     }
-    return {key: value for key, value in found.items() if value is not _ABSENT}
+    return {key: value for key, value in combined.items() if value is not _ABSENT}
 
 
 def differences(copy: Any, shipped: Any) -> int:

@@ -33,11 +33,11 @@ def to_onnx(actor: Actor, contract: Contract) -> onnx.ModelProto:
             numpy_helper.from_array(kernel, f"kernel_{index}"),
             numpy_helper.from_array(bias, f"bias_{index}"),
         ]
-        last = index == len(actor.layers) - 1
-        output = "action" if last else f"dense_{index}"
+        is_last = index == len(actor.layers) - 1
+        output = "action" if is_last else f"dense_{index}"
         inputs = [f"layer_{index}", f"kernel_{index}", f"bias_{index}"]
         nodes.append(helper.make_node("Gemm", inputs, [output]))
-        if not last:
+        if not is_last:
             nodes.append(helper.make_node("Elu", [output], [f"layer_{index + 1}"]))
     size, actions = actor.layers[0][0].shape[0], actor.layers[-1][0].shape[1]
     graph = helper.make_graph(
@@ -74,12 +74,12 @@ def export(actor: Actor, contract: Contract, logged: np.ndarray, path: Path) -> 
 
 def _export(actor: Actor, contract: Contract, logged: np.ndarray, path: Path) -> float:
     rng = np.random.default_rng(0)
-    random = actor.mean + actor.scale * rng.normal(size=(RANDOM_OBSERVATIONS, actor.mean.size))
-    observed = np.concatenate([random, logged]).astype(np.float32)
-    trial = path.with_suffix(".unchecked")
-    write_atomically(trial, to_onnx(actor, contract).SerializeToString())
+    random_observations = actor.mean + actor.scale * rng.normal(size=(RANDOM_OBSERVATIONS, actor.mean.size))
+    observed = np.concatenate([random_observations, logged]).astype(np.float32)
+    unchecked = path.with_suffix(".unchecked")
+    write_atomically(unchecked, to_onnx(actor, contract).SerializeToString())
     try:
-        session, _ = open_network(trial)
+        session, _ = open_network(unchecked)
         exported = session.run(None, {"observation": observed})[0]
         worst = float(np.max(np.abs(exported - actor.act(observed))))
         if not worst <= PARITY_LIMIT:
@@ -87,7 +87,7 @@ def _export(actor: Actor, contract: Contract, logged: np.ndarray, path: Path) ->
                 f"export to {path} failed: the ONNX network differs from the trained one by {worst:.1e},"
                 f" at most {PARITY_LIMIT:.0e} is allowed"
             )
-        trial.replace(path)
+        unchecked.replace(path)
     finally:
-        trial.unlink(missing_ok=True)
+        unchecked.unlink(missing_ok=True)
     return worst

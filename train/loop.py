@@ -17,7 +17,7 @@ def learn(run: Run, trainer: Trainer, display: Display) -> None:
     A first Ctrl-C or SIGTERM ends the training after the current iteration, with a checkpoint.
 
     Raises:
-        KeyboardInterrupt: it was stopped before its last iteration.
+        KeyboardInterrupt: the training was stopped before its last iteration.
         UserError: the training failed, or its last checkpoint cannot be written.
     """
     with cluster.all_or_none():

@@ -35,6 +35,6 @@ def with_current_names(settings: Any) -> Any:
     return new
 
 
-def _current(name: Any, given: dict[Any, Any]) -> Any:
+def _current(name: Any, settings: dict[Any, Any]) -> Any:
     current = PPO.get(name, name)
-    return name if current in given else current
+    return name if current in settings else current

@@ -73,7 +73,7 @@ def find_source(path: Path, trainer: str) -> Source:
 
     Args:
         path: the run folder or the file.
-        trainer: the new training's. Of another trainer's run, the exported policy is used.
+        trainer: the new training's. If another trainer made the run, its exported policy is used.
 
     Raises:
         UserError: there are none.
@@ -91,7 +91,7 @@ def find_source(path: Path, trainer: str) -> Source:
 
 
 def _contract(run: Run) -> Contract:
-    """The exported policy's contract; without one, that of the run's settings and the current robot."""
+    """The exported policy's contract; without a policy, that of the run's settings and the current robot."""
     if run.policy.is_file():
         return _exported_contract(run.policy)
     return make_environment(load_robot(run.provenance.robot), run.config.env).contract
@@ -107,7 +107,7 @@ def read_exported(path: Path) -> Exported:
     """The actor in a policy that footfall exported.
 
     Raises:
-        UserError: it is another network.
+        UserError: the file holds another kind of network.
     """
     import onnx
     from onnx import numpy_helper
@@ -143,15 +143,15 @@ def check_source(source: Source, contract: Contract, ppo: PpoConfig) -> list[str
     return [name for name in MAY_CHANGE if getattr(source.contract, name) != getattr(contract, name)]
 
 
-def _differences(name: str, there: Contract, here: Contract) -> Iterator[str]:
+def _differences(name: str, old_contract: Contract, new_contract: Contract) -> Iterator[str]:
     """Differences of a field: entries that only one side has, or both values."""
-    old, new = getattr(there, name), getattr(here, name)
+    old, new = getattr(old_contract, name), getattr(new_contract, name)
     if isinstance(old, Gait) and isinstance(new, Gait):
         yield from (f"its {part}" for part in vars(old) if getattr(old, part) != getattr(new, part))
         return
     if not isinstance(old, tuple):
-        there_is, here_is = ("a clock" if isinstance(each, Gait) else each for each in (old, new))
-        yield f"{there_is} there, {here_is} here"
+        old_text, new_text = ("a clock" if isinstance(each, Gait) else each for each in (old, new))
+        yield f"{old_text} there, {new_text} here"
         return
     only_old = [_name(each) for each in old if each not in new]
     only_new = [_name(each) for each in new if each not in old]

@@ -1,4 +1,4 @@
-"""How far a run has come; over several processes the first one looks."""
+"""How far a run has come; with several processes, process 0 reads the folder for all."""
 
 from pathlib import Path
 
@@ -36,7 +36,7 @@ def newest_checkpoint(run: Run) -> Path | None:
     (iteration,) = cluster.broadcast(int(newest.stem) if newest else 0)
     if iteration == 0:
         return None
-    chosen = checkpoint.path_of(run.checkpoints, iteration)
-    if not chosen.is_file():
-        raise UserError(f"process 0 resumes from {chosen}, which this process cannot see yet: try again")
-    return chosen
+    path = checkpoint.path_of(run.checkpoints, iteration)
+    if not path.is_file():
+        raise UserError(f"process 0 resumes from {path}, which this process cannot see yet: try again")
+    return path

@@ -22,13 +22,11 @@ class Trainer(Protocol):
     Of several processes that train together, each one calls the same methods in the same order.
     """
 
-    device_errors: ClassVar[
-        tuple[type[Exception], ...]
-    ] = ()  # exceptions that a lost or exhausted device raises
+    # Exceptions that a lost or exhausted device raises.
+    device_errors: ClassVar[tuple[type[Exception], ...]] = ()
     max_devices: ClassVar[int | None] = 1  # devices it can use; None: all devices of all processes
-    packages: ClassVar[
-        tuple[str, ...]
-    ] = ()  # packages whose versions run.yaml records, besides the common ones
+    # Packages whose versions run.yaml records, besides the common ones.
+    packages: ClassVar[tuple[str, ...]] = ()
     can_diagnose: ClassVar[bool] = False  # whether `diagnose` is implemented
     can_start_from: ClassVar[bool] = False  # whether `start_from` is implemented
 

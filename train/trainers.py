@@ -57,14 +57,14 @@ def find_trainer(name: str) -> type[Trainer]:
             return getattr(import_module(module), attribute)
     if not is_import_path(name):
         raise UserError(f"no trainer '{name}': give one of {', '.join(TRAINERS)}, or MODULE:NAME of your own")
-    found = find(name, "trainer")
-    if not isinstance(found, type):
+    trainer = find(name, "trainer")
+    if not isinstance(trainer, type):
         raise UserError(f"no trainer '{name}': it is not a class")
-    bases = [base for base in found.__mro__ if base is not Trainer]
+    bases = [base for base in trainer.__mro__ if base is not Trainer]
     missing = [method for method in _REQUIRED if not any(method in vars(base) for base in bases)]
-    if missing or Trainer not in found.__mro__:
+    if missing or Trainer not in trainer.__mro__:
         raise UserError(
             f"'{name}' is not a trainer: it must derive from footfall.train.trainer.Trainer and implement"
             f" {', '.join(_REQUIRED)}"
         )
-    return found
+    return trainer

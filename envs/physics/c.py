@@ -27,13 +27,13 @@ def c_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     simulations = _Simulations(model, robot)
 
     def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
-        def like(x: Any) -> jax.ShapeDtypeStruct:
+        def shape_of(x: Any) -> jax.ShapeDtypeStruct:
             return jax.ShapeDtypeStruct(x.shape, x.dtype)
 
-        results = jax.tree.map(like, (motion, simulations.room(len(drive.target))))
+        results = jax.tree.map(shape_of, (motion, simulations.empty_trace(len(drive.target))))
         return jax.lax.platform_dependent(
             *(motion, drive, fields),
-            # Where XLA's arrays lie in the host's memory: a step is 4 % shorter than with copies.
+            # XLA's arrays lie in the host's memory: a step that uses them in place is 4 % shorter.
             cpu=buffer_callback(simulations.in_place, results, vmap_method="broadcast_all"),
             default=partial(jax.pure_callback, simulations, results, vmap_method="broadcast_all"),
         )
@@ -62,22 +62,22 @@ class _Simulations:
         """One control step of robots with any number of leading axes, one after `jax.vmap`."""
         end = jax.tree.map(lambda x: np.empty(x.shape, np.float32), motion)
         lead = motion.qpos.shape[:-1]
-        trace = self.room(drive.target.shape[-2], lead)
+        trace = self.empty_trace(drive.target.shape[-2], lead)
         self.in_place(None, (end, trace), motion, drive, fields)
         return end, trace
 
-    def in_place(self, _: Any, results: tuple[Motion, Trace], *given: Any) -> None:
-        """The same, written to `results`.
+    def in_place(self, _: Any, results: tuple[Motion, Trace], *inputs: Any) -> None:
+        """One control step, written to `results`.
 
         A simulation that fails in MuJoCo becomes NaN; the others continue.
         """
         # NumPy only from here on: JAX called from inside a JAX program may wait for itself.
-        values = jax.tree.map(np.asarray, (results, given))
+        values = jax.tree.map(np.asarray, (results, inputs))
         lead = values[0][0].qpos.ndim - 1
-        results, given = jax.tree.map(lambda x: x.reshape(-1, *x.shape[lead:]), values)
+        results, inputs = jax.tree.map(lambda x: x.reshape(-1, *x.shape[lead:]), values)
         self._check_views(values[0], results)
         with self._lock, UNDISTURBED, np.errstate(all="ignore"):
-            self._simulate(*results, *given)
+            self._simulate(*results, *inputs)
 
     def _check_views(self, memory: Any, results: Any) -> None:
         """Check once for each shape that writing to the reshaped results writes to XLA's memory."""
@@ -87,7 +87,7 @@ class _Simulations:
             assert all(np.shares_memory(*pair) for pair in pairs), "results would be written to a copy"
             self._checked.add(shapes)
 
-    def room(self, substeps: int, lead: tuple[int, ...] = ()) -> Trace:
+    def empty_trace(self, substeps: int, lead: tuple[int, ...] = ()) -> Trace:
         """An uninitialised trace."""
         sizes = Trace((self._model.nq,), (self._model.nv,), (self._point_count, 3), (self._joints,))
         return Trace(*(np.empty((*lead, substeps, *size), np.float32) for size in sizes))
@@ -104,26 +104,26 @@ class _Simulations:
         timestep_s = self._model.opt.timestep
         for name, values in bodies(start).items():
             getattr(state, name)[:] = values
-        before, memory = start.lagged_torque, start.net_memory
+        lagged_torque, net_memory = start.lagged_torque, start.net_memory
         for k in range(substeps):
             position = state.qpos[:, self._positions].astype(np.float32)
             velocity = state.qvel[:, self._dofs].astype(np.float32)
             effort = joint_effort(
-                *(drive, drive.target[:, k], position, velocity, timestep_s, before),
-                *(self._net, memory),
+                *(drive, drive.target[:, k], position, velocity, timestep_s, lagged_torque),
+                *(self._net, net_memory),
             )
-            before, memory = effort.lagged_torque, effort.net_memory
+            lagged_torque, net_memory = effort.lagged_torque, effort.net_memory
             force[:, self._dofs] = effort.torque
             inertia[:, self._dofs] = own_inertia + effort.inertia
             _step(pool, state)
-            left = Trace(state.qpos, state.qvel, geoms[:, self._points], effort.motor_torque)
-            _copy(left, Trace(*(kept[:, k] for kept in trace)))
+            record = Trace(state.qpos, state.qvel, geoms[:, self._points], effort.motor_torque)
+            _copy(record, Trace(*(rows[:, k] for rows in trace)))
         for name, values in bodies(state).items():
             getattr(end, name)[:] = values
         if end.lagged_torque is not None:
-            end.lagged_torque[:] = before
+            end.lagged_torque[:] = lagged_torque
         if end.net_memory is not None:
-            end.net_memory[:] = memory
+            end.net_memory[:] = net_memory
 
     def _pool(self, robots: int) -> Batch:
         if robots not in self._pools:
@@ -131,9 +131,9 @@ class _Simulations:
         return self._pools[robots]
 
 
-def _copy(values: tuple[np.ndarray, ...], to: tuple[np.ndarray, ...]) -> None:
-    for value, there in zip(values, to, strict=True):
-        there[:] = value
+def _copy(values: tuple[np.ndarray, ...], targets: tuple[np.ndarray, ...]) -> None:
+    for value, target in zip(values, targets, strict=True):
+        target[:] = value
 
 
 def _step(pool: Batch, state: Motion) -> None:

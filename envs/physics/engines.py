@@ -56,6 +56,6 @@ def make_engine(name: str, model: mujoco.MjModel, robot: Robot) -> Engine:
     reason = _not_generated(model, robot) if name == "generated" else ""
     if not reason:
         return Engine(name, ENGINES[name](model, robot))
-    instead = "c" if jax.default_backend() == "cpu" else "mjx"
-    note = f"{robot.name} is trained with physics '{instead}' instead: {reason}"
-    return Engine(instead, ENGINES[instead](model, robot), note)
+    fallback = "c" if jax.default_backend() == "cpu" else "mjx"
+    note = f"{robot.name} is trained with physics '{fallback}' instead: {reason}"
+    return Engine(fallback, ENGINES[fallback](model, robot), note)

@@ -60,8 +60,8 @@ Fields = dict[str, Array]  # model fields in which this robot differs from the n
 # Key of a further field, which only the generated physics reads: the ground near each foot point, in the
 # world.
 # (points, 4): a plane, as its unit normal and its distance from the world's origin, m.
-# (points, 8): that plane up to the edge of a higher level, which has a horizontal unit normal (2) that points
-# away from it, the edge's distance from the origin along that normal, m, and the level's height, m.
+# (points, 8): that plane, which ends at the face of a step up, then the step: horizontal unit normal (2) that
+# points out of the face, the face's distance from the origin along that normal, m, and the step's height, m.
 GROUND = "ground"
 # Key of another such field: gravity in the world, m/s^2, (3,). A slope is level ground with tilted gravity.
 GRAVITY = "gravity"
@@ -85,7 +85,7 @@ def joint_effort(
     position: Array,
     velocity: Array,
     timestep_s: float,
-    before: Array | None = None,
+    torque_before: Array | None = None,
     net: ActuatorNet | None = None,
     memory: Array | None = None,
 ) -> JointEffort:
@@ -107,7 +107,7 @@ def joint_effort(
         position: joint positions, rad.
         velocity: joint velocities, rad/s.
         timestep_s: length h of the physics step.
-        before: motor torque at the beginning of the step, N m, of motors with lag.
+        torque_before: motor torque at the beginning of the step, N m, of motors with lag.
         net: the learned part of the joint law; its slope in the velocity counts as damping.
         memory: memory of the net at the beginning of the step.
     """
@@ -115,12 +115,12 @@ def joint_effort(
     measured = position + drive.encoder_bias
     torque = motor_torque(command, measured, velocity, drive.motor)
     damping = joint_damping(command, measured, velocity, drive.motor, drive.lag)
-    after = None
+    torque_after = None
     if drive.lag is not None:
-        torque, after = lagged(torque, before, drive.lag)
+        torque, torque_after = lagged(torque, torque_before, drive.lag)
     at_joint = torque + friction_torque(velocity, drive.motor, torque)
     if net is not None:
         inputs = inputs_of(net, command, measured, velocity, torque)
         learned = learned_torque(net, inputs, memory, timestep_s)
         at_joint, damping, memory = at_joint + learned.torque, damping + learned.damping, learned.memory
-    return JointEffort(torque, at_joint, 0.5 * timestep_s * damping, after, memory)
+    return JointEffort(torque, at_joint, 0.5 * timestep_s * damping, torque_after, memory)

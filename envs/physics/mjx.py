@@ -19,8 +19,8 @@ from footfall.robots.model import joint_addresses
 def mjx_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     """The physics of a robot with this nominal model."""
     # Set here: by default MJX takes the first device of all hosts, and an environment variable selects Warp.
-    how: dict[str, Any] = {"device": jax.local_devices()[0], "impl": "jax"}
-    nominal, template = mjx.put_model(model, **how), mjx.make_data(model, **how)
+    options: dict[str, Any] = {"device": jax.local_devices()[0], "impl": "jax"}
+    nominal, template = mjx.put_model(model, **options), mjx.make_data(model, **options)
     positions, dofs = map(jnp.asarray, joint_addresses(model, robot))
     net = None if robot.actuator_net is None else jax.tree.map(single, robot.actuator_net)
     # The joint of each degree of freedom; those of the base get the index after the last joint.

@@ -1,6 +1,6 @@
 """Critic terms: privileged observations of the critic, which no robot senses.
 
-The critic always reads the actor's observation as well, its newest frame without delay, bias and noise, and
+The critic always reads the actor's observation as well, its newest values without delay, bias and noise, and
 every randomised quantity of this robot.
 """
 
@@ -59,7 +59,7 @@ def torque(data: StepData) -> jax.Array:
 
 @critic_term(kinds.FOOT_AMOUNTS)
 def ground(data: StepData, *, ahead_m: Annotated[float, Between(-2.0, 2.0)] = 0.0) -> jax.Array:
-    """Ground height at each foot, or ahead of it along the heading, minus that below the base, dm."""
+    """Ground height at each foot, or ahead of it along the heading, minus the height below the base, dm."""
     points = data.scene.feet.centres(data.foot_position)[:, :2] + ahead_m * data.forward
     return 10.0 * (data.ground(points) - data.ground(data.base_position[:2]))
 

@@ -103,7 +103,7 @@ def example_data(scene: Scene) -> StepData:
         joint_velocity=jnp.zeros(n),
         torque=jnp.zeros(n),
         actions=jnp.zeros((3, n)),
-        foot_position=jnp.zeros((scene.feet.points, 3)),
+        foot_position=jnp.zeros((scene.feet.point_count, 3)),
         foot_tilt=jnp.zeros(feet),
         swing=jnp.zeros(feet),
         fell=jnp.float32(0.0),

@@ -21,7 +21,7 @@ from footfall.envs.state import State
 from footfall.envs.terms.data import Scene
 from footfall.robots.kinds import Parts
 
-Half = Annotated[float, Between(0.0, MAX_COMMAND)]  # half-width of a uniform range, or the largest value
+Amplitude = Annotated[float, Between(0.0, MAX_COMMAND)]  # half-width of a uniform range, or the largest value
 
 
 class Occasion(NamedTuple):
@@ -55,7 +55,7 @@ def event_term(
 
 
 def scattered(values: jax.Array, indices: np.ndarray, vector: jax.Array) -> jax.Array:
-    """The vector with these values at these indices: a gather, which a GPU fuses as it does not a scatter."""
+    """The vector with these values at these indices, by a gather: a GPU fuses a gather, but no scatter."""
     source = np.full(vector.shape, len(values))
     source[indices] = np.arange(len(values))
     return jnp.where(source < len(values), jnp.append(values, 0.0)[source], vector)
@@ -66,11 +66,11 @@ def reset_pose(
     state: State,
     occasion: Occasion,
     *,
-    joint_rad: Half = 0.1,
-    tilt_rad: Half = 0.1,
-    velocity_m_s: Half = 0.3,
-    yaw_rate_rad_s: Half = 0.3,
-    joint_velocity_rad_s: Half = 0.5,
+    joint_rad: Amplitude = 0.1,
+    tilt_rad: Amplitude = 0.1,
+    velocity_m_s: Amplitude = 0.3,
+    yaw_rate_rad_s: Amplitude = 0.3,
+    joint_velocity_rad_s: Amplitude = 0.5,
 ) -> State:
     """Begin near the default pose, on the feet, at any heading.
 
@@ -96,11 +96,11 @@ def drop(
     state: State,
     occasion: Occasion,
     *,
-    lowest_m: Half = 0.05,
-    highest_m: Half = 0.3,
-    velocity_m_s: Half = 0.5,
-    angular_rad_s: Half = 1.0,
-    joint_velocity_rad_s: Half = 2.0,
+    lowest_m: Amplitude = 0.05,
+    highest_m: Amplitude = 0.3,
+    velocity_m_s: Amplitude = 0.5,
+    angular_rad_s: Amplitude = 1.0,
+    joint_velocity_rad_s: Amplitude = 2.0,
     limp_s: Annotated[float, Between(0.0, 10.0)] = 0.0,
 ) -> State:
     """Begin in any attitude with any joint positions inside the soft limits, and fall.
@@ -135,9 +135,11 @@ def slope(
     The simulated ground stays level and gravity is tilted. Rewards and terminations refer to the slope, the
     sensors to gravity.
     """
-    steep, across = up_to_rad * occasion.u[0], 2.0 * jnp.pi * occasion.u[1]
-    sideways = jnp.sin(steep)
-    down = jnp.stack([sideways * jnp.cos(across), sideways * jnp.sin(across), -jnp.cos(steep)])
+    slope_rad, direction_rad = up_to_rad * occasion.u[0], 2.0 * jnp.pi * occasion.u[1]
+    horizontal = jnp.sin(slope_rad)
+    down = jnp.stack(
+        [horizontal * jnp.cos(direction_rad), horizontal * jnp.sin(direction_rad), -jnp.cos(slope_rad)]
+    )
     return state._replace(fields=state.fields | {GRAVITY: GRAVITY_M_S2 * down})
 
 
@@ -161,9 +163,9 @@ def push(
     state: State,
     occasion: Occasion,
     *,
-    horizontal_m_s: Half = 0.0,
-    vertical_m_s: Half = 0.0,
-    angular_rad_s: Half = 0.0,
+    horizontal_m_s: Amplitude = 0.0,
+    vertical_m_s: Amplitude = 0.0,
+    angular_rad_s: Amplitude = 0.0,
 ) -> State:
     """Push: a sudden change of the base's velocity, up to these values, in a random direction."""
     u = occasion.u

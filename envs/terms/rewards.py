@@ -229,6 +229,6 @@ def _shares(joint_names: Sequence[str], by_pattern: dict[str, float]) -> jax.Arr
     for pattern in by_pattern:
         if not any(fnmatchcase(name, pattern) for name in joint_names):
             raise UserError(f"joint_shares: no joint matches '{pattern}'")
-    fitting = ([share for p, share in by_pattern.items() if fnmatchcase(name, p)] for name in joint_names)
-    shares = np.array([found[0] if found else 1.0 for found in fitting])
+    matching = ([share for p, share in by_pattern.items() if fnmatchcase(name, p)] for name in joint_names)
+    shares = np.array([each[0] if each else 1.0 for each in matching])
     return jnp.asarray(shares, dtype=jnp.float32)

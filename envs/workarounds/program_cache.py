@@ -36,11 +36,11 @@ from footfall.robots.self_contact import Contacts
 SOURCES = Path(__file__).parents[2]
 LIBRARIES = ("mujoco", "mujoco-mjx", "brax", "flax", "optax", "numpy")
 DEVICE_LIBRARIES = ("jax*", "nvidia_*")  # JAX, its plug-ins, CUDA's parts
-ENVIRONMENT = ("JAX_", "XLA_", "CUDA_", "NVIDIA_")  # prefixes of environment variables that JAX reads
-MEMORY = "XLA_PYTHON_CLIENT_"  # prefix of those that change no program
+ENVIRONMENT_PREFIXES = ("JAX_", "XLA_", "CUDA_", "NVIDIA_")  # of environment variables that JAX reads
+MEMORY_PREFIX = "XLA_PYTHON_CLIENT_"  # of those that change no program
 CACHE_SETTINGS = ("jax_compilation_cache", "jax_persistent_cache")  # settings that change no program
 NVIDIA_DRIVER = Path("/proc/driver/nvidia/version")
-LARGEST_BYTES = 2 * 2**30  # of all programs together; beyond it, the least recently used are deleted
+MAX_BYTES = 2 * 2**30  # of all programs together; beyond it, the least recently used are deleted
 CLOCK_SLACK_NS = 2 * 10**9  # file systems may round a time down, by up to two seconds
 
 
@@ -52,20 +52,20 @@ class _Found(NamedTuple):
     refusal: str = ""  # why an existing file is not used
 
 
-_fetched: dict[str, Future[_Found]] = {}  # programs that are being loaded, by fingerprint
+_loading: dict[str, Future[_Found]] = {}  # programs that are being loaded, by fingerprint
 
 
 def prefetch(*programs: tuple[Any, ...]) -> None:
     """Start loading programs in the background; each is given by all that it is made from."""
-    missing = {fingerprint(made_from): made_from for made_from in programs}
-    missing = {name: made_from for name, made_from in missing.items() if name not in _fetched}
+    by_name = {fingerprint(made_from): made_from for made_from in programs}
+    missing = {name: made_from for name, made_from in by_name.items() if name not in _loading}
     if not missing:
         return
-    # Here: a thread would wait for Python's lock after each of hundreds of files, while others import.
+    # Read here: a background thread would wait for Python's lock after each of hundreds of files.
     source, installed = _source(), _installed()
     executor = ThreadPoolExecutor(len(missing))
     for name, made_from in missing.items():
-        _fetched[name] = executor.submit(_look_up, made_from, source, installed)
+        _loading[name] = executor.submit(_look_up, made_from, source, installed)
     executor.shutdown(wait=False)
 
 
@@ -82,21 +82,21 @@ def load_or_compile(
     imported it, no program is kept, since the file no longer shows what was traced.
 
     Args:
-        lower: traces it, in this thread: `fewer_kernels` replaces functions for every thread.
-        executor: compiles it.
+        lower: traces the program, in this thread: `fewer_kernels` replaces functions for every thread.
+        executor: compiles the program.
         report: shows one line if other users may have written the file.
         made_from: all that the program depends on besides source, libraries, device and JAX's settings;
             compared by `repr`, or as bytes.
     """
-    fetched = _fetched.pop(fingerprint(made_from), None)
-    found = fetched.result() if fetched else _look_up(made_from, _source(), _installed())
+    loading = _loading.pop(fingerprint(made_from), None)
+    found = loading.result() if loading else _look_up(made_from, _source(), _installed())
     if found.refusal:
         report(f"{found.refusal}: its compiled programs are not used, compiling again")
     if found.program is None:
         return executor.submit(_compile, lower(), found.path)
-    there: Future[jax.stages.Compiled] = Future()
-    there.set_result(found.program)
-    return there
+    loaded: Future[jax.stages.Compiled] = Future()
+    loaded.set_result(found.program)
+    return loaded
 
 
 def _compile(lowered: jax.stages.Lowered, path: Path | None) -> jax.stages.Compiled:
@@ -127,9 +127,9 @@ def model_bytes(robot: Robot, timestep_s: float, contacts: Contacts = "feet") ->
 def _source() -> list[tuple[Path, bytes]] | None:
     """footfall's source files, as this process imported them; None if a file has changed since."""
     source = read_sources(SOURCES, TRAINING)
-    latest = footfall.IMPORTED_AT_NS - CLOCK_SLACK_NS
+    latest_ns = footfall.IMPORTED_AT_NS - CLOCK_SLACK_NS
     # Checked after reading. Unlike mtime, ctime cannot be set.
-    return source if all((SOURCES / path).stat().st_ctime_ns < latest for path, _ in source) else None
+    return source if all((SOURCES / path).stat().st_ctime_ns < latest_ns for path, _ in source) else None
 
 
 def _surroundings(installed: Any) -> list[Any]:
@@ -142,7 +142,7 @@ def _surroundings(installed: Any) -> list[Any]:
         sorted(
             (name, value)
             for name, value in os.environ.items()
-            if name.startswith(ENVIRONMENT) and not name.startswith(MEMORY)
+            if name.startswith(ENVIRONMENT_PREFIXES) and not name.startswith(MEMORY_PREFIX)
         ),
         sorted((n, repr(v)) for n, v in jax.config.values.items() if not n.startswith(CACHE_SETTINGS)),
     ]
@@ -157,7 +157,7 @@ def _device_libraries() -> list[str]:
     """Names and versions from folder names: reading all installed packages takes much longer."""
     folders = {Path(entry) for entry in sys.path}
     patterns = [f"{name}.dist-info" for name in DEVICE_LIBRARIES]
-    return sorted(path.name for folder in folders for each in patterns for path in folder.glob(each))
+    return sorted(path.name for folder in folders for pattern in patterns for path in folder.glob(pattern))
 
 
 def _look_up(made_from: tuple[Any, ...], source: list[tuple[Path, bytes]] | None, installed: Any) -> _Found:
@@ -166,8 +166,8 @@ def _look_up(made_from: tuple[Any, ...], source: list[tuple[Path, bytes]] | None
         return _Found(None)
     path = Path(folder) / "programs" / fingerprint([*source, *_surroundings(installed), *made_from])
     try:
-        program, called, *values = pickle.loads(read_private(path))
-        kernels.adopt(called)
+        program, compiled_kernels, *values = pickle.loads(read_private(path))
+        kernels.adopt(compiled_kernels)
         found = _Found(path, deserialize_and_load(program, *map(jax.tree.structure, values)))
         os.utime(path)  # used: the last to be evicted
         return found
@@ -192,5 +192,5 @@ def _evict(folder: Path) -> None:
     total = 0
     for index, path in enumerate(programs):
         total += path.stat().st_size
-        if index and total > LARGEST_BYTES:
+        if index and total > MAX_BYTES:
             path.unlink()

@@ -44,11 +44,11 @@ def _tracking_panel(axis: int, walks: Sequence[Walk], plan: EpisodePlan) -> Mark
     name, unit = AXES[axis]
     times = np.arange(0.0, plan.duration_s, READ_EVERY_S)
     commands = np.array([plan.schedule(time)[axis] for time in times])
-    shown = [smooth(_velocity(walk.trace)[:, axis], walk.trace) for walk in walks]
+    smoothed = [smooth(_velocity(walk.trace)[:, axis], walk.trace) for walk in walks]
     with Panel(f"tracking-{axis}") as panel:
         ax = panel.axes
         ax.plot(times, commands, color=INK, lw=1.0, drawstyle="steps-post")
-        for walk, values in zip(walks, shown, strict=True):
+        for walk, values in zip(walks, smoothed, strict=True):
             ax.plot(walk.trace.time_s, values, **line(walk.policy_index))
         for push in plan.pushes:
             ax.axvline(push.time_s, color=INK, lw=0.9, dashes=(1, 2))
@@ -56,10 +56,10 @@ def _tracking_panel(axis: int, walks: Sequence[Walk], plan: EpisodePlan) -> Mark
         readings = []
         for time, command in zip(times, commands, strict=True):
             lines = [f"{time:.1f} s: command {command:.2f} {unit}"]
-            for (_, policy, trace, _), values in zip(walks, shown, strict=True):
+            for (_, policy, trace, _), values in zip(walks, smoothed, strict=True):
                 if time <= trace.time_s[-1]:
-                    at = int(np.searchsorted(trace.time_s, time - 1e-9))
-                    lines.append(f"{policy} {values[at]:.2f}")
+                    sample = int(np.searchsorted(trace.time_s, time - 1e-9))
+                    lines.append(f"{policy} {values[sample]:.2f}")
                 else:
                     lines.append(f"{policy} fallen" if trace.fell else f"{policy} –")
             readings.append(Reading(float(time), None, "\n".join(lines)))
@@ -92,8 +92,8 @@ def steady_window(plan: EpisodePlan) -> tuple[float, float]:
 def _gait_panel(walk: Walk, robot: Robot, window_s: tuple[float, float]) -> Markup:
     policy_index, policy, trace, _ = walk
     feet = [foot.name for foot in robot.description.feet]
-    seen = (trace.time_s >= window_s[0]) & (trace.time_s <= window_s[1])
-    time_s, contact = trace.time_s[seen], trace.foot_contact[seen]
+    in_window = (trace.time_s >= window_s[0]) & (trace.time_s <= window_s[1])
+    time_s, contact = trace.time_s[in_window], trace.foot_contact[in_window]
     with Panel(f"gait-{policy_index}", height=60.0 + 26.0 * len(feet)) as panel:
         ax = panel.axes
         for row, foot in enumerate(contact.T):
@@ -108,15 +108,17 @@ def _gait_panel(walk: Walk, robot: Robot, window_s: tuple[float, float]) -> Mark
         ax.set_title(titled(policy, f"duty {duty:.2f}, {rate_hz:.1f} strides/s"))
         readings = [
             Reading(
-                float(time), None, f"{time:.2f} s: " + (_named(feet, down) or "no foot") + " on the ground"
+                float(time),
+                None,
+                f"{time:.2f} s: " + (_names_on_ground(feet, row) or "no foot") + " on the ground",
             )
-            for time, down in zip(time_s[::2], contact[::2], strict=True)
+            for time, row in zip(time_s[::2], contact[::2], strict=True)
         ]
         return panel.svg(f"Feet of {policy} on the ground over time, duty factor {duty:.2f}", readings)
 
 
-def _named(feet: list[str], down: np.ndarray) -> str:
-    return ", ".join(name for name, there in zip(feet, down, strict=True) if there)
+def _names_on_ground(feet: list[str], contact: np.ndarray) -> str:
+    return ", ".join(name for name, is_on_ground in zip(feet, contact, strict=True) if is_on_ground)
 
 
 def contact_bars(time_s: np.ndarray, contact: np.ndarray) -> list[tuple[float, float]]:
@@ -168,11 +170,11 @@ def _torque_panel(identity: str, walk: Walk, kind: str, robot: Robot, joints: li
         ax.set(xlabel="speed, rad/s", ylabel="torque, N m", title=titled(policy, kind), ylim=(-edge, edge))
         step = grid[1] - grid[0]
         readings = []
-        for at, up, down in zip(grid, limits[1], limits[-1], strict=True):
-            near = torque[np.abs(speed - at) <= step / 2]
-            used = f"{near.min():.1f} to {near.max():.1f} N m" if len(near) else "never"
-            text = f"at {at:.1f} rad/s: {used}\nlimits {down:.1f} and {up:.1f} N m"
-            readings.append(Reading(float(at), None, text))
+        for grid_speed, upper, lower in zip(grid, limits[1], limits[-1], strict=True):
+            torques = torque[np.abs(speed - grid_speed) <= step / 2]
+            range_text = f"{torques.min():.1f} to {torques.max():.1f} N m" if len(torques) else "never"
+            text = f"at {grid_speed:.1f} rad/s: {range_text}\nlimits {lower:.1f} and {upper:.1f} N m"
+            readings.append(Reading(float(grid_speed), None, text))
         return panel.svg(
             f"Torque against speed of the {kind} motors of {policy}, with their limits", readings
         )
@@ -180,15 +182,15 @@ def _torque_panel(identity: str, walk: Walk, kind: str, robot: Robot, joints: li
 
 def timing(walks: Sequence[Walk]) -> Plot:
     """Computing time of policy steps, against their period."""
-    shown = [walk for walk in walks if len(walk.trace.compute_ms)]
-    fastest = min((float(walk.trace.compute_ms.min()) for walk in shown), default=0.1)
-    slowest = max((max(walk.trace.compute_ms.max(), walk.period_ms) for walk in shown), default=1.0)
+    timed = [walk for walk in walks if len(walk.trace.compute_ms)]
+    fastest = min((float(walk.trace.compute_ms.min()) for walk in timed), default=0.1)
+    slowest = max((max(walk.trace.compute_ms.max(), walk.period_ms) for walk in timed), default=1.0)
     bins = np.geomspace(0.9 * fastest, 1.3 * slowest, 60)
     return Plot(
         "Timing",
         "Time per policy step on the course, one policy at a time, on one core of this machine. Dashed: p50"
         " and p99. Line: the period of a step. On a busy machine, p99 reflects other programs.",
-        [_timing_panel(walk, bins) for walk in shown],
+        [_timing_panel(walk, bins) for walk in timed],
     )
 
 
@@ -212,8 +214,8 @@ def _timing_panel(walk: Walk, bins: np.ndarray) -> Markup:
         ax.set_title(titled(policy, f"p50 {p50:.2f}, p99 {p99:.2f} of {period_ms:g} ms"))
         middles = np.sqrt(bins[:-1] * bins[1:])
         readings = [
-            Reading(float(at), None, f"{low:.3g} to {high:.3g} ms: {share:.1f} % of steps")
-            for at, low, high, share in zip(middles, bins[:-1], bins[1:], np.asarray(shares), strict=True)
+            Reading(float(middle), None, f"{low:.3g} to {high:.3g} ms: {share:.1f} % of steps")
+            for middle, low, high, share in zip(middles, bins[:-1], bins[1:], np.asarray(shares), strict=True)
         ]
         return panel.svg(f"Histogram of the time that the steps of {policy} take", readings)
 

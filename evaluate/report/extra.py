@@ -25,8 +25,8 @@ def check_installed() -> None:
 
 def check_display() -> None:
     """Raise UserError if MUJOCO_GL selects GLFW windows and there is no display."""
-    shown = sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
-    if os.environ.get("MUJOCO_GL") == "glfw" and not shown:
+    has_display = sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+    if os.environ.get("MUJOCO_GL") == "glfw" and not has_display:
         raise UserError(
             "MUJOCO_GL=glfw films on a display, and there is none: unset it, or give MUJOCO_GL=egl"
         )

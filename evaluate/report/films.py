@@ -104,8 +104,8 @@ def _films(comparison: Comparison, walks: Mapping[str, CourseWalk]) -> dict[str,
         if walk.trace is not None and len(walk.trace.time_s)
     }
     films = dict(zip(tasks, render_films(list(tasks.values()), config.workers), strict=True))
-    nothing: TaskResult[Film] = TaskResult(None, "the policy did not walk")
-    return {name: films.get(name, nothing) for name in walks}
+    no_film: TaskResult[Film] = TaskResult(None, "the policy did not walk")
+    return {name: films.get(name, no_film) for name in walks}
 
 
 def render_films(tasks: Sequence[FilmTask], workers: int | None = None) -> list[TaskResult[Film]]:
@@ -123,8 +123,8 @@ def render_in_processes(
     """
     outcomes: list[TaskResult[T]] = [TaskResult(None, "no back end was tried")] * len(tasks)
     reasons = []
-    own = os.environ.get("MUJOCO_GL")
-    for back_end in (own,) if own else BACK_ENDS:
+    users_back_end = os.environ.get("MUJOCO_GL")
+    for back_end in (users_back_end,) if users_back_end else BACK_ENDS:
         variables = {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end} if back_end else {}
         outcomes = run_all(function, tasks, workers, environment=variables)
         failed = next((outcome.error for outcome in outcomes if outcome.error), "")
@@ -140,16 +140,16 @@ def film(task: FilmTask) -> Film:
         path = Path(folder) / "film.mp4"
         encoder = _encoder(path)
         times = frame_times(task)
-        for number, frame in enumerate(frames(task)):
+        for index, frame in enumerate(frames(task)):
             encoder.send(frame)
-            if number == len(times) // 3:
+            if index == len(times) // 3:
                 poster = _jpeg(frame)
         encoder.close()
         return Film(path.read_bytes(), poster)
 
 
 def frame_times(task: FilmTask) -> np.ndarray:
-    """Times of the frames, s, (frames,). All films of a comparison have the same."""
+    """Times of the frames, s, (frames,). All films of a comparison have the same times."""
     return np.arange(0.0, task.duration_s, 1.0 / FRAME_RATE_HZ)
 
 
@@ -164,13 +164,13 @@ def frame_indices(task: FilmTask) -> np.ndarray:
 def frames(task: FilmTask) -> Iterator[np.ndarray]:
     """Images (HEIGHT, WIDTH, 3) uint8 of an episode."""
     trace = task.trace
-    rendered, picture = -1, np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    rendered_index, picture = -1, np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     with camera_shots(task) as shoot:
         for time_s, index in zip(frame_times(task), frame_indices(task), strict=True):
-            if index != rendered:
-                rendered, picture = index, shoot(int(index))
-            over_s = float(trace.time_s[-1]) if trace.fell and time_s > trace.time_s[-1] else None
-            yield caption.with_caption(picture, float(time_s), trace.command[index], over_s)
+            if index != rendered_index:
+                rendered_index, picture = index, shoot(int(index))
+            fell_at_s = float(trace.time_s[-1]) if trace.fell and time_s > trace.time_s[-1] else None
+            yield caption.with_caption(picture, float(time_s), trace.command[index], fell_at_s)
 
 
 @contextmanager
@@ -214,17 +214,19 @@ def arrows(task: FilmTask, index: int, height_m: float) -> list[Arrow]:
         (trace.command[index], colours.COMMAND, 0.7 * height_m),
         (trace.base_velocity[index], colours.VELOCITY, 0.7 * height_m + 0.05),
     )
-    shown = [
+    drawn = [
         Arrow(
-            base + np.array([0.0, 0.0, above_m]), to_world @ [ARROW_S * forward, ARROW_S * left, 0.0], colour
+            base + np.array([0.0, 0.0, above_m]),
+            to_world @ [ARROW_S * forward, ARROW_S * leftward, 0.0],
+            colour,
         )
-        for (forward, left, _), colour, above_m in velocities
+        for (forward, leftward, _), colour, above_m in velocities
     ]
     for push in task.pushes:
         if 0.0 <= trace.time_s[index] - push.time_s <= PUSH_SHOWN_S:
             vector = np.array(push.delta_v_m_s) * ARROW_S
-            shown.append(Arrow(base - vector, vector, colours.PUSH))
-    return shown
+            drawn.append(Arrow(base - vector, vector, colours.PUSH))
+    return drawn
 
 
 def _encoder(path: Path) -> Generator[None, np.ndarray | None, None]:

@@ -19,7 +19,7 @@ FITTED, NOMINAL = 0, 1  # indices of their line styles
 class EstimateRow:
     """One estimated parameter."""
 
-    owner: str
+    owner: str  # joint or body
     quantity: str
     value: float
     low: float
@@ -85,12 +85,12 @@ def _intervals(leg: LegPart) -> Plot:
     for quantity in dict.fromkeys(row.quantity for row in leg.estimates):
         rows = [row for row in leg.estimates if row.quantity == quantity]
         with Panel(f"interval-{leg.name}-{quantity}", height=60.0 + 28.0 * len(rows)) as panel:
-            ax, at_rows = panel.axes, np.arange(len(rows))
-            for at, row in zip(at_rows, rows, strict=True):
-                ax.plot([row.low, row.high], [at, at], **line(FITTED))
-                ax.plot(row.value, at, "o", color=line(FITTED)["color"], ms=5)
+            ax, heights = panel.axes, np.arange(len(rows))
+            for y, row in zip(heights, rows, strict=True):
+                ax.plot([row.low, row.high], [y, y], **line(FITTED))
+                ax.plot(row.value, y, "o", color=line(FITTED)["color"], ms=5)
             ax.axvline(rows[0].nominal, color=INK, lw=0.8, dashes=(4, 3))
-            ax.set_yticks(at_rows, [row.owner for row in rows])
+            ax.set_yticks(heights, [row.owner for row in rows])
             ax.set(title=f"{quantity}, {rows[0].unit}", ylim=(len(rows) - 0.5, -0.5))
             panels.append(panel.svg(f"{quantity} of each joint or body with its interval"))
     caption = "Blue: estimate and interval of 95 %. Dashed: the nominal value."
@@ -104,8 +104,8 @@ def _motion(leg: LegPart) -> Plot:
         error = ((joint.fitted_rad - joint.read_rad) ** 2).mean(axis=1)
         worst = np.sort(np.argsort(-error, kind="stable")[:MAX_WINDOWS])
         with Panel(f"motion-{joint.name}") as panel:
-            for at, window in enumerate(worst):
-                time_s = joint.time_s[window] + 1.1 * at
+            for place, window in enumerate(worst):
+                time_s = joint.time_s[window] + 1.1 * place
                 panel.axes.plot(time_s, joint.read_rad[window], color=INK, lw=2.4, alpha=0.35)
                 panel.axes.plot(time_s, joint.nominal_rad[window], **line(NOMINAL))
                 panel.axes.plot(time_s, joint.fitted_rad[window], **line(FITTED))
@@ -123,9 +123,9 @@ def _residuals(leg: LegPart) -> Plot:
     panels = []
     for joint in leg.joints:
         with Panel(f"residual-{joint.name}", height=190.0) as panel:
-            for at, predicted in ((NOMINAL, joint.nominal_rad), (FITTED, joint.fitted_rad)):
+            for style, predicted in ((NOMINAL, joint.nominal_rad), (FITTED, joint.fitted_rad)):
                 error = 1e3 * np.sqrt(((predicted - joint.read_rad) ** 2).mean(axis=1))
-                panel.axes.plot(np.arange(len(error)), error, marker=".", **line(at))
+                panel.axes.plot(np.arange(len(error)), error, marker=".", **line(style))
             panel.axes.axhline(1e3 * joint.noise_rad, color=INK, lw=0.8, dashes=(4, 3))
             panel.axes.set(title=joint.name, xlabel="window", ylabel="rms error, mrad", yscale="log")
             panel.axes.yaxis.set_major_formatter("{x:g}")

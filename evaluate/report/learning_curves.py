@@ -56,15 +56,15 @@ def read_metrics(path: Path) -> list[dict[str, float]]:
 
 def curve(rows: list[dict[str, float]], metric: str) -> Points:
     """Steps and values of a metric (k, 2), at most `MAX_POINTS` of them, each the mean of an interval."""
-    found = [
+    pairs = [
         (row["step"], row[metric])
         for row in rows
         if isinstance(row.get(metric), int | float) and math.isfinite(row[metric])
     ]
-    points = np.array(found, dtype=float).reshape(-1, 2)
+    points = np.array(pairs, dtype=float).reshape(-1, 2)
     if len(points) <= MAX_POINTS:
         return points
-    return np.array([stretch.mean(axis=0) for stretch in np.array_split(points, MAX_POINTS)])
+    return np.array([part.mean(axis=0) for part in np.array_split(points, MAX_POINTS)])
 
 
 def _panel(number: int, label: str, curves: Mapping[str, Points]) -> Markup:

@@ -7,18 +7,18 @@ from footfall.evaluate.report.sheet import rendered
 MAX_EVENTS = 500  # in the table
 
 
-def render(found: LogFindings, headline: str) -> str:
+def render(findings: LogFindings, headline: str) -> str:
     """The page, under a headline of one line."""
-    columns = found.columns
+    columns = findings.columns
     return rendered(
         "log.html",
         title=columns.log.path.name,
         headline=headline,
-        good=found.good,
-        verdicts=found.verdicts(),
-        extremes=found.extremes(),
+        good=findings.good,
+        verdicts=findings.verdicts(),
+        extremes=findings.extremes(),
         states=columns.states(),
-        plots=plots(found),
+        plots=plots(findings),
         events=columns.events[:MAX_EVENTS],
         metadata={key: value for key, value in columns.log.metadata.items() if key != "contract"},
     )

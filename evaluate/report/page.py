@@ -54,8 +54,8 @@ def render(
         films: films of each policy on the test course, by name.
         ground_films: films of each policy on the scenarios' grounds, by scenario and name.
     """
-    whole_names = [policy.name for policy in comparison.policies]
-    names = short_names(whole_names)
+    full_names = [policy.name for policy in comparison.policies]
+    names = short_names(full_names)
     comparison = replace(
         comparison, policies=[replace(policy, name=names[policy.name]) for policy in comparison.policies]
     )
@@ -65,14 +65,14 @@ def render(
         columns,
         swatch,
         comparison=comparison,
-        whole_names=whole_names,
+        full_names=full_names,
         config=config,
         title=f"{' · '.join(names.values())} on {comparison.robot.name}",
         verdict=verdict({name: comparison.summaries(name) for name in config.scenarios}),
         headlines=tables.headline_table(comparison),
         falls=tables.falls_table(comparison),
         warnings=tables.all_warnings(comparison),
-        films=_film_rows(comparison, whole_names, films, ground_films),
+        films=_film_rows(comparison, full_names, films, ground_films),
         plots=[plot for plot in plots(comparison) if plot.panels],
         open_plots=OPEN_PLOTS,
         parts=tables.scenario_parts(comparison),
@@ -99,14 +99,14 @@ def plots(comparison: Comparison) -> list[svg.Plot]:
         if policy.course.trace is not None and len(policy.course.trace.time_s)
     ]
     plan = policies[0].course.plan
-    pushing = comparison.push_scenario
+    push_scenario = comparison.push_scenario
     one_level = [
         (file.scenarios[name].rows[0], comparison.summaries(name))
         for name in chosen
-        if len(file.scenarios[name].rows) == 1 and name != pushing
+        if len(file.scenarios[name].rows) == 1 and name != push_scenario
     ]
     return [
-        scenario_plots.survival(comparison.summaries(pushing) if pushing else {}),
+        scenario_plots.survival(comparison.summaries(push_scenario) if push_scenario else {}),
         course_plots.tracking(walks, plan),
         course_plots.gait(walks, plan, comparison.robot),
         scenario_plots.conditions(one_level),
@@ -137,22 +137,26 @@ def swatch(index: int) -> Markup:
 
 def _film_rows(
     comparison: Comparison,
-    whole_names: list[str],
+    full_names: list[str],
     films: Mapping[str, TaskResult[Film]],
     ground_films: Mapping[str, Mapping[str, TaskResult[Film]]],
 ) -> list[FilmRow]:
-    named, scenarios = list(zip(whole_names, comparison.policies, strict=True)), comparison.file.scenarios
-    course = [_shown(policy.name, policy.course, films[name]) for name, policy in named]
+    named_policies = list(zip(full_names, comparison.policies, strict=True))
+    scenarios = comparison.file.scenarios
+    course = [_shown_film(policy.name, policy.course, films[name]) for name, policy in named_policies]
     rows = [FilmRow("", scenarios[COURSE].about, course)]
     for scenario, by_name in ground_films.items():
-        shown = [_shown(policy.name, policy.on_grounds[scenario], by_name[name]) for name, policy in named]
-        levels = named[0][1].on_grounds[scenario].plan.levels
+        row_films = [
+            _shown_film(policy.name, policy.on_grounds[scenario], by_name[name])
+            for name, policy in named_policies
+        ]
+        levels = named_policies[0][1].on_grounds[scenario].plan.levels
         level = ", ".join(f"{name} {value:g}" for name, value in levels.items())
-        rows.append(FilmRow(scenario, f"{scenarios[scenario].about} ({level})", shown))
+        rows.append(FilmRow(scenario, f"{scenarios[scenario].about} ({level})", row_films))
     return rows
 
 
-def _shown(name: str, walk: CourseWalk, film: TaskResult[Film]) -> ShownFilm:
+def _shown_film(name: str, walk: CourseWalk, film: TaskResult[Film]) -> ShownFilm:
     trace = walk.trace
     if film.value is None or trace is None:
         return ShownFilm(name, None, walk.error or film.error)

@@ -30,21 +30,21 @@ FEW_EPISODES = 4  # per size of push; a fit to fewer is a guess
 
 def survival(summaries: Summaries) -> Plot:
     """Share of robots that stay up against the size of a push, a panel for each policy."""
-    shown = [(index, *item) for index, item in enumerate(summaries.items()) if item[1].get("rows")]
-    strongest = max((summary["strongest_push"] for _, _, summary in shown), default=1.0)
+    measured = [(index, *item) for index, item in enumerate(summaries.items()) if item[1].get("rows")]
+    strongest = max((summary["strongest_push"] for _, _, summary in measured), default=1.0)
     return Plot(
         "Pushes",
         "Share of episodes that stayed up against the size of the push. Small marks: measured, with 95 %"
         " Wilson intervals. Line: logistic fit. Large mark and bar: median survivable push with its 95 %"
-        f" bootstrap interval.{_warning(shown)}",
-        [_survival_panel(index, policy, summary, strongest) for index, policy, summary in shown],
+        f" bootstrap interval.{_warning(measured)}",
+        [_survival_panel(index, policy, summary, strongest) for index, policy, summary in measured],
     )
 
 
-def _warning(shown: list[tuple[int, str, Summary]]) -> str:
+def _warning(measured: list[tuple[int, str, Summary]]) -> str:
     """Warning if a fit is based on few episodes; otherwise empty."""
     fewest = min(
-        (row["episodes"] for _, _, summary in shown for row in summary["rows"]), default=FEW_EPISODES
+        (row["episodes"] for _, _, summary in measured for row in summary["rows"]), default=FEW_EPISODES
     )
     if fewest >= FEW_EPISODES:
         return ""
@@ -52,7 +52,7 @@ def _warning(shown: list[tuple[int, str, Summary]]) -> str:
 
 
 def _survival_panel(index: int, policy: str, summary: Summary, strongest: float) -> Markup:
-    half = figures()["dv50"]
+    median_push = figures()["dv50"]
     rows = summary["rows"]
     stood = np.array([1 - row["falls"] / row["episodes"] for row in rows])
     low, high = (1 - np.array([row["fall_rate_interval"] for row in rows]).T)[::-1]
@@ -75,16 +75,17 @@ def _survival_panel(index: int, policy: str, summary: Summary, strongest: float)
         ax.set(
             xlabel="push, m/s", ylabel="share that stayed up", xlim=(0, strongest * 1.04), ylim=(-0.04, 1.04)
         )
-        ax.set_title(titled(policy, f"{text(half, summary)} m/s"))
+        ax.set_title(titled(policy, f"{text(median_push, summary)} m/s"))
         readings = [
             Reading(
-                at,
+                push_m_s,
                 None,
-                f"push of {at:g} m/s: {row['episodes'] - row['falls']} of {row['episodes']} stayed up"
+                f"push of {push_m_s:g} m/s: {row['episodes'] - row['falls']} of {row['episodes']} stayed up"
                 f"\n95 % interval {100 * below:.0f} to {100 * above:.0f} %"
-                f"\nmedian survivable push {text(half, summary)} m/s ({interval_text(half, summary) or '–'})",
+                f"\nmedian survivable push {text(median_push, summary)} m/s"
+                f" ({interval_text(median_push, summary) or '–'})",
             )
-            for at, row, below, above in zip(x.tolist(), rows, low, high, strict=True)
+            for push_m_s, row, below, above in zip(x.tolist(), rows, low, high, strict=True)
         ]
         return panel.svg(f"Share of episodes that {policy} survived against the size of a push", readings)
 
@@ -130,7 +131,7 @@ class ConditionFigure(NamedTuple):
     name: str
     unit: str
     measure: Callable[[Summary], float]  # of a row
-    highest: float | None  # of the axis
+    axis_top: float | None  # highest value of the axis; None: automatic
     interval: str = ""  # key of the row's interval, a share; empty without one
 
 
@@ -156,39 +157,40 @@ def _condition_panel(
     with Panel(identity) as panel:
         ax = panel.axes
         lines: dict[float, list[str]] = {}
-        for index, (policy, each) in enumerate(rows.items()):
-            x, y = [row[level] for row in each], [figure.measure(row) for row in each]
+        for index, (policy, policy_rows) in enumerate(rows.items()):
+            x, y = [row[level] for row in policy_rows], [figure.measure(row) for row in policy_rows]
             ax.plot(x, y, **line(index), marker=marker(index), ms=4.5)
-            for at, number, row in zip(x, y, each, strict=True):
-                within = ""
+            for value, number, row in zip(x, y, policy_rows, strict=True):
+                interval = ""
                 if figure.interval:
                     low, high = (100.0 * edge for edge in row[figure.interval])
-                    ax.vlines(at, low, high, color=colour(index), lw=0.8, alpha=0.7)
-                    within = f" ({low:.0f} to {high:.0f})"
-                lines.setdefault(at, []).append(f"{policy} {number:.3g}{within}")
+                    ax.vlines(value, low, high, color=colour(index), lw=0.8, alpha=0.7)
+                    interval = f" ({low:.0f} to {high:.0f})"
+                lines.setdefault(value, []).append(f"{policy} {number:.3g}{interval}")
         ax.set(xlabel=label, ylabel=figure.unit, title=figure.name)
-        ax.set_ylim(bottom=0.0 if figure.highest is None else -5.0, top=figure.highest)
+        ax.set_ylim(bottom=0.0 if figure.axis_top is None else -5.0, top=figure.axis_top)
         readings = [
-            Reading(at, None, "\n".join([f"{label} {at:g}: {figure.name}, {figure.unit}", *each]))
-            for at, each in lines.items()
+            Reading(value, None, "\n".join([f"{label} {value:g}: {figure.name}, {figure.unit}", *texts]))
+            for value, texts in lines.items()
         ]
         return panel.svg(f"{figure.name} against {label}", readings)
 
 
 def sweep(summaries: Summaries) -> Plot:
     """Velocity error and falls over a grid of commands; a panel for each policy."""
-    shown = [(name, summary["rows"]) for name, summary in summaries.items() if summary.get("rows")]
-    errors = np.array([_error(row) for _, rows in shown for row in rows])
-    known = errors[np.isfinite(errors)]
-    high = float(np.percentile(known, 95)) if len(known) else 1.0
+    tried = [(name, summary["rows"]) for name, summary in summaries.items() if summary.get("rows")]
+    errors = np.array([_error(row) for _, rows in tried for row in rows])
+    finite = errors[np.isfinite(errors)]
+    worst = float(np.percentile(finite, 95)) if len(finite) else 1.0
     return Plot(
         "Commands",
         "Velocity error in m/s by command, the darker the smaller. ✕: it fell. Empty cells were not tried.",
-        [_sweep_panel(number, *item, high) for number, item in enumerate(shown)],
+        [_sweep_panel(number, *item, worst) for number, item in enumerate(tried)],
     )
 
 
-def _sweep_panel(number: int, policy: str, rows: list[Summary], high: float) -> Markup:
+def _sweep_panel(number: int, policy: str, rows: list[Summary], worst: float) -> Markup:
+    """Cells in colours from 0 to the error `worst`."""
     forward, yaw = (sorted({row[axis] for row in rows}) for axis in ("forward_m_s", "yaw_rad_s"))
     cells = np.full((len(yaw), len(forward)), np.nan)
     readings = []
@@ -199,9 +201,9 @@ def _sweep_panel(number: int, policy: str, rows: list[Summary], high: float) -> 
             error = _error(row)
             cells[y, x] = error
             mark = "✕" if row["falls"] else "" if math.isnan(error) else f"{error:.2f}"
-            dark = not math.isnan(error) and error < 0.6 * high
-            ink = INK if math.isnan(error) else "white" if dark else "black"
-            ax.text(x, y, mark, ha="center", va="center", fontsize=10.5, color=ink)
+            is_dark = not math.isnan(error) and error < 0.6 * worst
+            text_colour = INK if math.isnan(error) else "white" if is_dark else "black"
+            ax.text(x, y, mark, ha="center", va="center", fontsize=10.5, color=text_colour)
             readings.append(
                 Reading(
                     float(x),
@@ -211,7 +213,7 @@ def _sweep_panel(number: int, policy: str, rows: list[Summary], high: float) -> 
                     f"\nfell in {row['falls']} of {row['episodes']}",
                 )
             )
-        ax.imshow(cells, origin="lower", aspect="auto", cmap="viridis", vmin=0.0, vmax=high)
+        ax.imshow(cells, origin="lower", aspect="auto", cmap="viridis", vmin=0.0, vmax=worst)
         ax.set_xticks(range(len(forward)), [f"{value:g}" for value in forward])
         ax.set_yticks(range(len(yaw)), [f"{value:g}" for value in yaw])
         ax.set(title=policy, xlabel="forward, m/s", ylabel="yaw rate, rad/s")

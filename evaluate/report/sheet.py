@@ -24,5 +24,5 @@ def rendered(template: str, *functions: Callable[..., Any], **values: Any) -> st
         lstrip_blocks=True,
     )
     environment.globals |= {function.__name__: function for function in functions}
-    made = {"version": version("footfall"), "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")}
-    return environment.get_template(template).render(made | values)
+    defaults = {"version": version("footfall"), "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")}
+    return environment.get_template(template).render(defaults | values)

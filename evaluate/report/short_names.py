@@ -8,14 +8,14 @@ _HEAD_CHARS = 12  # characters before the ellipsis; names of runs differ more at
 
 def short_names(names: Sequence[str]) -> dict[str, str]:
     """A unique name of at most `MAX_CHARS` characters for each; longer names lose their middle."""
-    found: dict[str, str] = {}
+    unique: dict[str, str] = {}
     for name in names:
         short, count = _shortened(name, ""), 1
-        while short in found.values() or (short != name and short in names):
+        while short in unique.values() or (short != name and short in names):
             count += 1
             short = _shortened(name, f" ({count})")
-        found[name] = short
-    return found
+        unique[name] = short
+    return unique
 
 
 def titled(name: str, what: str) -> str:

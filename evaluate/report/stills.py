@@ -33,12 +33,14 @@ def draw_walks(robot: Path, walks: Sequence[Walk], path: Path) -> str:
         walks: those without samples are left out.
         path: path of the JPEG.
     """
-    seen = [walk for walk in walks if len(walk.trace.time_s)]
-    if not seen:
+    walked = [walk for walk in walks if len(walk.trace.time_s)]
+    if not walked:
         return "no controller took a step"
-    tasks = [FilmTask(str(robot), None, walk.trace, (), float(walk.trace.time_s[-1])) for walk in seen]
+    tasks = [FilmTask(str(robot), None, walk.trace, (), float(walk.trace.time_s[-1])) for walk in walked]
     outcomes = render_in_processes(stills, tasks)
-    rows = [_row(walk, row.value) for walk, row in zip(seen, outcomes, strict=True) if row.value is not None]
+    rows = [
+        _row(walk, row.value) for walk, row in zip(walked, outcomes, strict=True) if row.value is not None
+    ]
     if not rows:
         return outcomes[0].error
     try:
@@ -51,11 +53,11 @@ def draw_walks(robot: Path, walks: Sequence[Walk], path: Path) -> str:
 def stills(task: FilmTask) -> np.ndarray:
     """Stills of an episode side by side, (height, width, 3) uint8. Runs in a worker, as `films.film`."""
     last = len(task.trace.time_s) - 1
-    chosen = np.linspace(0, last, STILL_COUNT).astype(int)
+    indices = np.linspace(0, last, STILL_COUNT).astype(int)
     with camera_shots(task) as shoot:
-        shots = {index: shoot(index) for index in range(last + 1) if index in chosen}
+        shots = {index: shoot(index) for index in range(last + 1) if index in indices}
     return np.concatenate(
-        [shots[index][::SHRINK_FACTOR, ::SHRINK_FACTOR] for index in chosen.tolist()], axis=1
+        [shots[index][::SHRINK_FACTOR, ::SHRINK_FACTOR] for index in indices.tolist()], axis=1
     )
 
 

@@ -34,7 +34,7 @@ def drawn(sample: Sample, seed: int, time_s: float = 0.0) -> tuple[np.ndarray, n
         sample=jax_sample,
         key=key,
         steps=jnp.int32(round(time_s / PERIOD_S)),
-        lateness_s=lateness.before(jax_sample),
+        lateness_s=lateness.initial(jax_sample),
     )
     goals, readings = lateness.of_goals(state), lateness.of_readings(state, key)  # type: ignore[arg-type]
     return tuple(np.zeros(0) if each is None else np.asarray(each) for each in (goals, readings))  # type: ignore[return-value]
@@ -74,13 +74,13 @@ class TestTraining:
     def test_a_goal_keeps_its_delay_while_it_is_on_its_way(self) -> None:
         lateness = Lateness(N, PERIOD_S)
         sample = {"action_jitter_s": jnp.float32(0.01)}
-        before = jnp.arange(3.0)[:, None] * jnp.ones(N)
+        initial = jnp.arange(3.0)[:, None] * jnp.ones(N)
         state = SimpleNamespace(
-            sample=sample, key=jax.random.PRNGKey(0), steps=jnp.int32(0), lateness_s=before
+            sample=sample, key=jax.random.PRNGKey(0), steps=jnp.int32(0), lateness_s=initial
         )
         after = lateness.of_goals(state)  # type: ignore[arg-type]
         assert after is not None
-        np.testing.assert_array_equal(after[1:], before[:2])
+        np.testing.assert_array_equal(after[1:], initial[:2])
 
     def test_a_motors_readings_are_lost_together_others_by_themselves(self) -> None:
         for seed in range(5):

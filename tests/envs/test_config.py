@@ -111,6 +111,7 @@ def test_an_older_checkpoint_has_the_parts_of_todays_state() -> None:
     today = {"env": {"steps": 3, "event_steps": {"push": 5}, "terms": terms}}
     assert with_current_state({"env": {"steps": 3, "push_steps": 5}}) == today
     assert with_current_state(today) == today
+    assert with_current_state({"frames": 2, "recent_readings": 1}) == {"history": 2, "recent_readings": 1}
     assert with_current_state({"piece": 2, "asked": 1.5}) == {"piece": 2, "commanded": 1.5}
 
 

@@ -172,7 +172,7 @@ def test_a_kernel_is_compiled_once_and_stored_in_the_program(monkeypatch: pytest
     launch = Launch(inputs=2, outputs=1, blocks=3, threads=64)
     for _ in range(2):
         kernels.register("stored", launch, compile_code)
-    kernels.register("never_called", launch, compile_code, at_once=False)
+    kernels.register("never_called", launch, compile_code, compile_now=False)
     assert kernels.compiled() == [("stored", b"code", launch)]
     assert (compiled, loaded) == (["code"], [b"code"])
     taken = kernels.compiled()

@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 
 import footfall.gym
 from footfall.common.errors import UserError
-from footfall.envs.gymnasium_env import GymnasiumEnv, GymnasiumVectorEnv, StepResult, gathered
+from footfall.envs.gymnasium_env import GymnasiumEnv, GymnasiumVectorEnv, StepResult, vector_info
 from footfall.policies.observation import observation_size
 
 ID = "footfall/Go1Velocity-v0"
@@ -160,7 +160,7 @@ def test_information_covers_running_and_ended_episodes() -> None:
         np.array([False, False, True]),
         {"command": np.arange(9.0).reshape(3, 3), "error": np.array([0.1, 0.2, 0.3])},
     )  # fmt: skip
-    info = gathered(last, 100 + np.arange(9.0).reshape(3, 3))
+    info = vector_info(last, 100 + np.arange(9.0).reshape(3, 3))
     np.testing.assert_array_equal(info["command"], 100 + np.arange(9.0).reshape(3, 3))
     assert info["_command"].all()
     assert (info["error"].tolist(), info["_error"].tolist()) == ([0.1, 0.0, 0.0], [True, False, False])
@@ -171,7 +171,7 @@ def test_information_covers_running_and_ended_episodes() -> None:
     assert info["final_info"]["error"].tolist() == [0.0, 0.2, 0.3]
     assert info["final_info"]["command"].tolist() == [[0.0] * 3, [3.0, 4.0, 5.0], [6.0, 7.0, 8.0]]
     none_ended = last._replace(terminated=np.zeros(3, bool), truncated=np.zeros(3, bool))
-    assert set(gathered(none_ended, last.info["command"])) == {"command", "_command", "error", "_error"}
+    assert set(vector_info(none_ended, last.info["command"])) == {"command", "_command", "error", "_error"}
 
 
 def step_until_some_end(env: VectorEnv) -> tuple[np.ndarray, np.ndarray, Any]:

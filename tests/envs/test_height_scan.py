@@ -87,7 +87,7 @@ def test_scans_are_late_at_their_rate(env: LocomotionEnv, begun: tuple[State, di
     u, seen_at = jnp.full(late.numbers, 0.5), []
     for step in range(12):
         here = moved(state, 0.01 * step, step)
-        state, heights = late.deliver(here, lambda position: position[..., 0], u, first=step == 0)
+        state, heights = late.deliver(here, lambda position: position[..., 0], u, is_reset=step == 0)
         seen_at.append(float(heights[0] + here.qpos[2] - SCAN.points[0, 0]) / 0.01)
     taken = np.maximum(0, 2 * ((np.arange(12) - 2.5) // 2)).astype(int)
     np.testing.assert_allclose(seen_at, taken, atol=1e-3)

@@ -380,6 +380,6 @@ class TestStillStep:
 
     def test_every_step_has_random_numbers_of_its_own(self, step, state: State) -> None:
         one, first = step(state, jnp.zeros(N))
-        _, second = step(one._replace(frames=state.frames, phase=state.phase), jnp.zeros(N))
+        _, second = step(one._replace(history=state.history, phase=state.phase), jnp.zeros(N))
         assert not np.array_equal(one.key, state.key)
         assert not np.array_equal(first.observation["state"][:3], second.observation["state"][:3])  # gyro

@@ -75,11 +75,11 @@ class TestObserver:
         config = replace(SMOKE, observation=(ObservationConfig("last_action"), ObservationConfig("command")))
         observer = Observer(MODEL, ROBOT, config, make_contract(ROBOT, config))
         actions = jnp.array([[1.0], [2.0], [3.0]]) * jnp.ones(N)
-        state = begun._replace(actions=actions, frames=observer.no_frames())
+        state = begun._replace(actions=actions, history=observer.empty_history())
         expected = [*np.ones(N), *np.asarray(state.command)]
         _, seen = observer.observe(state, jnp.zeros((8, 30)), jnp.full(30, 0.5))
         np.testing.assert_array_equal(seen, np.float32(expected))
-        np.testing.assert_array_equal(observer.clean_frame(state, jnp.zeros(N)), np.float32(expected))
+        np.testing.assert_array_equal(observer.clean_values(state, jnp.zeros(N)), np.float32(expected))
 
     def test_an_episode_begins_with_its_first_frame_as_the_whole_history(self) -> None:
         config = replace(SMOKE, observation=(ObservationConfig("gyro", 1.0, 3),), noise=Noise())

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from footfall.domain_rand.randomisation import load_randomisation
-from footfall.envs.batch import RESTARTED_AT_ONCE, step_batch
+from footfall.envs.batch import RESTARTS_PER_PASS, step_batch
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.c import LINE_SEARCH_EVALUATIONS, _Simulations, c_physics
 from footfall.envs.physics.engines import ENGINES
@@ -203,7 +203,7 @@ def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, 
 def test_ended_episodes_are_reset(env: LocomotionEnv, begun: State, step) -> None:
     """21 episodes end, more than one call resets."""
     ends = np.arange(len(begun.steps)) % 3 > 0
-    assert ends.sum() > RESTARTED_AT_ONCE
+    assert ends.sum() > RESTARTS_PER_PASS
     level = jnp.full_like(begun.level, 0.25)  # the curriculum's steps continue
     state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7), level=level)
     action = jnp.zeros((len(ends), env.action_size))

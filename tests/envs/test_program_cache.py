@@ -113,11 +113,11 @@ def test_a_program_can_be_read_ahead(cache: Path, make: Maker) -> None:
     prefetch(("settings",))
     prefetch(("settings",))  # the same request again
     file = only_file(cache)
-    program_cache._fetched[fingerprint(("settings",))].result()
+    program_cache._loading[fingerprint(("settings",))].result()
     file.unlink()
     assert float(kept(make, "settings")(STATE)[1]["total"]) == 6.0
     assert make.made == 1
-    assert fingerprint(("settings",)) not in program_cache._fetched
+    assert fingerprint(("settings",)) not in program_cache._loading
     kept(make, "settings")
     assert make.made == 2
 
@@ -165,7 +165,7 @@ def test_the_least_recently_used_program_is_deleted(
     cache: Path, make: Maker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept(make, "first")
-    monkeypatch.setattr(program_cache, "LARGEST_BYTES", int(2.5 * only_file(cache).stat().st_size))
+    monkeypatch.setattr(program_cache, "MAX_BYTES", int(2.5 * only_file(cache).stat().st_size))
     kept(make, "second")
     for age, file in enumerate(sorted(cache.rglob("programs/*"), key=lambda path: path.stat().st_mtime_ns)):
         os.utime(file, ns=(age, age))

@@ -68,7 +68,7 @@ def _observed(env: LocomotionEnv, mirrored: bool) -> dict[str, np.ndarray]:
     clean = jnp.concatenate([state.qvel[3:6], -_up(state.qpos[3:7]), state.qpos[7:], state.qvel[6:]])
     recent = jnp.tile(clean, (2 * env.config.substeps, 1))
     no_noise = jnp.full(6 + 2 * env.action_size, 0.5)
-    state, observed = env.observer.observe(state, recent, no_noise, first=True)
+    state, observed = env.observer.observe(state, recent, no_noise, is_reset=True)
     data = example_data(env.scene)._replace(contact=contact, clearance=clearance, torque=torque)
     _, seen = env.observations(state, observed, env.data_at(state, data))
     return {name: np.asarray(value) for name, value in seen.items()}

@@ -82,7 +82,7 @@ def test_a_standing_robot_rests_as_on_mujocos_ground(env: Any, begun: State, go1
 
         after, trace = jax.vmap(env.simulate)(state)
         other, _ = others(other, jax.vmap(drive)(state), state.fields)
-        return jax.vmap(env.terrain.moved)(after, trace), other
+        return jax.vmap(env.terrain.after_physics)(after, trace), other
 
     other = Motion(state.qpos, state.qvel, state.qacc_warmstart)
     for _ in range(25):

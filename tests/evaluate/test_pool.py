@@ -38,7 +38,7 @@ def complain(_: int) -> int:
 
 def test_outcomes_come_in_the_order_of_the_tasks() -> None:
     progress: list[int] = []
-    outcomes = run_all(square, range(6), workers=2, done=progress.append)
+    outcomes = run_all(square, range(6), workers=2, on_finished=progress.append)
     assert [outcome.value for outcome in outcomes] == [0, 1, 4, 9, 16, 25]
     assert progress == [1, 2, 3, 4, 5, 6]
 

@@ -32,12 +32,12 @@ class TestSuite:
         calls: list[Any] = []
 
         def run_all(
-            function: Any, tasks: Sequence[EpisodeTask], workers: Any, done: Any = None
+            function: Any, tasks: Sequence[EpisodeTask], workers: Any, on_finished: Any = None
         ) -> list[TaskResult]:
             assert function is suite.run_task
             calls.append((list(tasks), workers))
-            for finished in range(1, len(tasks) + 1 if done else 0):
-                done(finished)
+            for finished in range(1, len(tasks) + 1 if on_finished else 0):
+                on_finished(finished)
             return [
                 outcome(
                     replace(GOOD, peak_torque_nm=self.mark(task.policy, task.plan)),

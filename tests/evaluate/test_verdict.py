@@ -37,8 +37,8 @@ def pushed(dv50: float | None, low: float | None, high: float | None, falls: int
     }
 
 
-def test_figures_that_favour_a_fallen_robot_count_only_upright_ones() -> None:
-    assert {key for key, figure in figures().items() if figure.upright} == {
+def test_figures_that_favour_a_fallen_robot_are_blocked_by_falls() -> None:
+    assert {key for key, figure in figures().items() if figure.blocked_by_falls} == {
         *("lin_vel_rmse", "yaw_rate_rmse", "cost_of_transport", "cost_of_transport_mechanical"),
         *("positive_work_j_m", "peak_torque_share", "foot_slip_m_s", "torque_rate_nm_s"),
         "legs_touch_share",

@@ -129,8 +129,8 @@ def in_training(robot: Robot, noise: Noise, sample: Sample, true: np.ndarray, u:
     state = SimpleNamespace(
         sample=sample, actions=jnp.zeros((3, N)), command=jnp.zeros(3), phase=jnp.zeros(1)
     )
-    state._replace = lambda frames: state
-    state.frames = observer.no_frames()
+    state._replace = lambda history: state
+    state.history = observer.empty_history()
     _, seen = observer.observe(state, jnp.asarray(true), jnp.full(observer.numbers, u))
     shown = from_vector(np.asarray(seen), N)
     return as_vector({**shown, "joint_position": shown["joint_position"] + np.float32(robot.default_pose)})

@@ -153,10 +153,10 @@ def test_training_and_bus_have_the_same_thermal_model(heated: Robot) -> None:
     torque = 10.0 * np.random.default_rng(0).random((50, 10, N))
     sample = {"winding_rise_k": np.full(N, 40.0)}
     on_bus = np.full(N, 65.0)
-    in_training = env.actuation.initial_winding(sample)
+    in_training = env.actuation.initial_winding_c(sample)
     np.testing.assert_allclose(in_training, on_bus, rtol=1e-6)
     for step in torque:
-        in_training = env.actuation.next_winding(in_training, jnp.asarray(step), sample)
+        in_training = env.actuation.next_winding_c(in_training, jnp.asarray(step), sample)
         for each in step:
             on_bus = warmed(on_bus, each**2, winding_of(heated), env.period_s / len(step))
     np.testing.assert_allclose(in_training, on_bus, rtol=1e-3)

@@ -41,7 +41,7 @@ def reset(env: LocomotionEnv):
 class TestReset:
     def test_a_reset_draws_command_body_pose_timers_and_clock(self, reset) -> None:
         one, two = reset(jax.random.PRNGKey(1))[0], reset(jax.random.PRNGKey(2))[0]
-        for field in ("qpos", "qvel", "phase", "frames", "recent_readings"):
+        for field in ("qpos", "qvel", "phase", "history", "recent_readings"):
             assert not np.array_equal(getattr(one, field), getattr(two, field)), field
         for field, value in one.sample.items():
             assert not np.array_equal(value, two.sample[field]), field

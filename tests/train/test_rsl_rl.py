@@ -273,7 +273,7 @@ def test_a_training_starts_from_an_exported_policy(trainer: RslRlTrainer, run: P
     from footfall.train.rsl_rl.trainer import trained_actor
 
     policy = trainer.runner.alg.get_policy()
-    seen = np.random.default_rng(0).normal(size=(5, trainer._seen.shape[1])).astype(np.float32)
+    seen = np.random.default_rng(0).normal(size=(5, trainer._observations.shape[1])).astype(np.float32)
     before = trained_actor(policy).act(seen)
     for value in policy.state_dict().values():
         value.zero_()

@@ -150,7 +150,7 @@ def drawn(config: SweepConfig) -> list[dict[str, object]]:
     space = search_space(tune, config) | {"seed": tune.grid_search(list(config.seeds))}
     search = search_algorithm(config)
     search.add_configurations({"x": {"run": "nothing", "config": space, "num_samples": config.trials}})
-    return [dict(search.next_trial().config) for _ in range(config.points)]
+    return [dict(search.next_trial().config) for _ in range(config.trainings)]
 
 
 def test_draws_are_reproducible_and_the_same_for_each_seed() -> None:
@@ -266,8 +266,8 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 def test_a_sweep_counts_its_trainings() -> None:
     space = {"a": {"grid_search": [1, 2, 3]}, "b": {"uniform": [0, 1]}, "c": {"grid_search": [1, 2]}}
-    assert SweepConfig(space, seeds=(1, 2), trials=5).points == 60
-    assert SweepConfig({}).points == 1
+    assert SweepConfig(space, seeds=(1, 2), trials=5).trainings == 60
+    assert SweepConfig({}).trainings == 1
 
 
 @pytest.mark.parametrize("mode", ["min", "max"])

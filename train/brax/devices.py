@@ -28,7 +28,7 @@ GPU_OPTIONS: dict[str, str | bool] = {
 
 
 def device_mesh(config: PpoConfig, count: int | None = None) -> Mesh:
-    """Every device of every process, or the first few of them, along one axis.
+    """Every device of every process, or the first `count` of them, along one axis.
 
     Raises:
         UserError: the environments cannot be divided among that many devices.
@@ -65,18 +65,21 @@ def shardings(specs: Any, mesh: Mesh) -> Any:
     )
 
 
-def place(tree: Any, where: Any) -> Any:
+def place(tree: Any, sharding_tree: Any) -> Any:
     """Put host arrays, which are the same in every process, on the devices.
 
     Args:
         tree: tree of arrays.
-        where: a tree prefix of it with shardings at its leaves.
+        sharding_tree: a tree prefix of `tree` with shardings at its leaves.
     """
 
     def put(sharding: NamedSharding, leaf: Any) -> jax.Array:
         return jax.make_array_from_callback(leaf.shape, sharding, lambda index: leaf[index])
 
-    return jax.tree.map(lambda sharding, below: jax.tree.map(partial(put, sharding), below), where, tree)
+    def put_all(sharding: NamedSharding, subtree: Any) -> Any:
+        return jax.tree.map(partial(put, sharding), subtree)
+
+    return jax.tree.map(put_all, sharding_tree, tree)
 
 
 def on_cpu() -> AbstractContextManager[Any]:

@@ -43,7 +43,7 @@ class _Fault(NamedTuple):
     finding: str
     step: int = -1
     environment: int = -1
-    before: Any = None  # (State, observation, action) of that environment, before the step
+    inputs: Any = None  # (State, observation, action) of that environment, before the step
 
 
 def diagnose(failure: Failure, run: Run, robot: Robot, report: Callable[[str], None]) -> Diagnosis:
@@ -52,16 +52,16 @@ def diagnose(failure: Failure, run: Run, robot: Robot, report: Callable[[str], N
     Raises:
         UserError: a checkpoint is damaged, or the environment cannot be written.
     """
-    kept, devices = run.folder / FOLDER, cluster.devices()
+    folder, devices = run.folder / FOLDER, cluster.devices()
     # Each device draws its own noise: use the training's number of devices, if available.
     count = min(failure.devices or len(devices), len(devices))
     replay = _Replay(failure, assemble(run.config, robot), device_mesh(run.config.ppo, count))
-    before, iterate = replay.state_before(checkpoint.latest(kept), report)
-    reason, after = replay.failing_iteration(before, iterate)
-    fault = replay.first_fault(jax.device_get(before), after)
+    state_before, iterate = replay.state_before(checkpoint.latest(folder), report)
+    reason, state_after = replay.failing_iteration(state_before, iterate)
+    fault = replay.first_fault(jax.device_get(state_before), state_after)
     saved = None
-    if fault.before is not None:
-        saved = kept / ENVIRONMENT
+    if fault.inputs is not None:
+        saved = folder / ENVIRONMENT
         _save_environment(saved, fault)
     changes = differences(failure, devices[0].device_kind, count)
     return Diagnosis(failure, changes, reason, fault.finding, saved)
@@ -90,14 +90,14 @@ class _Replay:
 
     def failing_iteration(self, state: TrainState, iterate: Iteration) -> tuple[str | None, TrainState]:
         """Why the iteration fails, or None, and the state after it, on the host."""
-        after, metrics, _ = iterate(jax.tree.map(jnp.copy, state))  # it donates its argument
+        state_after, metrics, _ = iterate(jax.tree.map(jnp.copy, state))  # it donates its argument
         figures = floats(metrics)
-        after = jax.device_get(after)
-        broken = non_finite_leaves(after)
+        state_after = jax.device_get(state_after)
+        broken = non_finite_leaves(state_after)
         reason = failure_of(figures, self._failure.config.diverged_limit)
-        return reason or (not_finite(broken) if broken else None), after
+        return reason or (not_finite(broken) if broken else None), state_after
 
-    def first_fault(self, state: TrainState, after: TrainState) -> _Fault:
+    def first_fault(self, state: TrainState, state_after: TrainState) -> _Fault:
         """The first bad value: in the rollout, in the update, or in the state after them.
 
         Each training device's share is computed separately, on one device.
@@ -113,10 +113,10 @@ class _Replay:
             fault = self._fault_of_update(update, state, device, rollout)
             if fault is not None:
                 return fault
-        left = non_finite_leaves(after)
+        broken = non_finite_leaves(state_after)
         return _Fault(
-            f"rollout and losses are finite; in the state after them {not_finite(left)}"
-            if left
+            f"rollout and losses are finite; in the state after them {not_finite(broken)}"
+            if broken
             else "nothing: computed step by step, every value of the iteration is finite"
         )
 
@@ -127,16 +127,16 @@ class _Replay:
         count = self._ppo.num_envs // devices
         first = device * count
         env, observation = jax.tree.map(lambda x: x[first : first + count], (state.env, state.observation))
-        now, steps = state._replace(env=env, observation=observation), []
+        current, steps = state._replace(env=env, observation=observation), []
         _, keys, _ = iteration_keys(state, self._ppo, device)
         for index in range(self._ppo.num_steps_per_env):
-            (env, observation), (transition, metrics) = act(now, keys[index : index + 1])
-            fault = self._fault_of_step(index, first, now, observation, transition, metrics)
+            (env, observation), (transition, metrics) = act(current, keys[index : index + 1])
+            fault = self._fault_of_step(index, first, current, observation, transition, metrics)
             if fault is not None:
                 return fault, None
             steps.append(transition)
-            now = now._replace(env=env, observation=observation)
-        return None, (jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *steps), now.observation)
+            current = current._replace(env=env, observation=observation)
+        return None, (jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *steps), current.observation)
 
     def _fault_of_update(
         self, update: Callable, state: TrainState, device: int, rollout: Any
@@ -147,16 +147,16 @@ class _Replay:
         broken = ~np.isfinite(np.stack(list(figures.values()))).all(axis=0)  # (epoch, mini-batch)
         if not broken.any():
             return None
-        at = tuple(np.argwhere(broken)[0])
-        names = [name for name, value in figures.items() if not np.isfinite(value[at])]
-        finding = f"update, epoch {at[0] + 1}, mini-batch {at[1] + 1}: {not_finite(names)}"
+        epoch, batch = np.argwhere(broken)[0]
+        names = [name for name, value in figures.items() if not np.isfinite(value[epoch, batch])]
+        finding = f"update, epoch {epoch + 1}, mini-batch {batch + 1}: {not_finite(names)}"
         return _Fault(f"the rollout is finite; {finding}{self._parameters_after(params)}")
 
     def _fault_of_step(
         self,
         index: int,
         first_environment: int,
-        now: TrainState,
+        current: TrainState,
         observation: Any,
         transition: Any,
         metrics: dict[str, jax.Array],
@@ -172,17 +172,20 @@ class _Replay:
         broken = {name: rows for name, rows in broken.items() if rows.any()}
         if not broken:
             return None
-        first, rows = next(iter(broken.items()))
+        quantity, rows = next(iter(broken.items()))
         row = int(np.argmax(rows))
         environment = first_environment + row
-        one = jax.tree.map(lambda x: x[row], (now.env, now.observation, transition.action[0]))
-        found = f"{first} is not finite" if first != DIVERGED else f"{first}; {self._after_step(*one)}"
+        inputs = jax.tree.map(lambda x: x[row], (current.env, current.observation, transition.action[0]))
+        if quantity == DIVERGED:
+            finding = f"{DIVERGED}; {self._after_step(*inputs)}"
+        else:
+            finding = f"{quantity} is not finite"
         return _Fault(
-            f"environment {environment}, control step {index + 1} of {self._ppo.num_steps_per_env}: {found}"
+            f"environment {environment}, control step {index + 1} of {self._ppo.num_steps_per_env}: {finding}"
             f" ({rows.sum()} of {rows.size} environments in this step)",
             index,
             environment,
-            one,
+            inputs,
         )
 
     def _after_step(self, env_state: Any, _: Any, action: jax.Array) -> str:
@@ -212,7 +215,7 @@ def broken_rows(values: jax.Array) -> np.ndarray:
 
 def _save_environment(path: Path, fault: _Fault) -> None:
     """One environment as named arrays: `state.qpos`, `state.sample.friction`, `action`, and so on."""
-    env_state, observation, action = jax.device_get(fault.before)
+    env_state, observation, action = jax.device_get(fault.inputs)
     tree = {"environment": fault.environment, "action": action}
     tree |= {f"observation.{name}": value for name, value in observation.items()}
     for keys, leaf in jax.tree_util.tree_leaves_with_path(env_state):

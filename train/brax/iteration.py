@@ -46,8 +46,8 @@ class Iteration:
         """Roll out, then learn from the rollout. Compiled halves reuse the memory of the state."""
         episodes, learner = state.episodes, state.learner
         episodes, experience = self.act(episodes, learner)
-        learner, metrics, seen = self.learn(learner, episodes[1], experience)
-        return learner.with_episodes(episodes), metrics, seen
+        learner, metrics, observations = self.learn(learner, episodes[1], experience)
+        return learner.with_episodes(episodes), metrics, observations
 
 
 def make_iteration(
@@ -73,8 +73,8 @@ def make_iteration(
         _, step_keys, _ = iteration_keys(learner, config, device())
         state = learner.with_episodes(episodes)
         episodes, (rollout, means) = roll_out(env, networks, config, state, step_keys, _means)
-        total = {"reward/total": rollout.reward.mean() / env.period_s}
-        metrics = StackedScalars.of(dict(means.mean(axis=0)) | total)
+        reward = {"reward/total": rollout.reward.mean() / env.period_s}
+        metrics = StackedScalars.of(dict(means.mean(axis=0)) | reward)
         return episodes, Experience(rollout, jax.tree.map(lambda x: x[None], metrics))
 
     def learn(
@@ -85,8 +85,8 @@ def make_iteration(
     ) -> Learned:
         rollout = experience.rollout
         key, _, learn_key = iteration_keys(learner, config, device())
-        order = None if orders is None else orders[:, 0]
-        params, optimizer, losses = ppo.update(learner, rollout, observation, learn_key, _means, order)
+        own_orders = None if orders is None else orders[:, 0]  # (epoch, environment) of this device
+        params, optimizer, losses = ppo.update(learner, rollout, observation, learn_key, _means, own_orders)
         metrics = experience.metrics.mean(axis=0)
         moments = statistics.moments(learner.normalizer, rollout.observation) if devices > 1 else None
         metrics, losses, moments = mean((metrics, losses.mean(axis=(0, 1)), moments))
@@ -97,7 +97,7 @@ def make_iteration(
             normalizer = statistics.updated(learner.normalizer, moments, config.steps_per_iteration)
         scalars = {f"learning/{name}": value for name, value in losses.items()}
         scalars |= _with_episode_length(metrics, 1.0 / config.steps_per_iteration, env.period_s)
-        seen = _newest(rollout.observation["state"], LOGGED_OBSERVATIONS // devices)
+        observations = _newest(rollout.observation["state"], LOGGED_OBSERVATIONS // devices)
         learner = learner._replace(
             params=params,
             optimizer=optimizer,
@@ -105,35 +105,38 @@ def make_iteration(
             key=key,
             iteration=learner.iteration + 1,
         )
-        return learner, StackedScalars.of(scalars), seen
+        return learner, StackedScalars.of(scalars), observations
 
     if mesh is None or devices == 1:
         return Iteration(act, learn)
 
-    def orders(device: jax.Array, learner: TrainState) -> jax.Array:
+    def draw_orders(device: jax.Array, learner: TrainState) -> jax.Array:
         _, _, learn_key = iteration_keys(learner, config, device)
         return ppo.orders(learn_key, config.num_envs // devices)
 
-    return _on_each_device(act, learn, orders, mesh)
+    return _on_each_device(act, learn, draw_orders, mesh)
 
 
 def _on_each_device(
-    act: Callable[..., Any], learn: Callable[..., Any], orders: Callable[..., jax.Array], mesh: Mesh
+    act: Callable[..., Any], learn: Callable[..., Any], draw_orders: Callable[..., jax.Array], mesh: Mesh
 ) -> Iteration:
-    """The halves on each device's share. `orders` are those of (device, learner)."""
+    """The halves on each device's share. `draw_orders` takes a device's index and the learner."""
 
-    def each(half: Callable[..., Any], arguments: Any, results: Any) -> Callable[..., Any]:
+    def sharded(half: Callable[..., Any], arguments: Any, results: Any) -> Callable[..., Any]:
         return jax.shard_map(half, mesh=mesh, in_specs=arguments, out_specs=results, check_vma=False)
 
-    learn_each = each(learn, (LEARNER_SPECS, SHARDED, EXPERIENCE_SPECS, SHARDED_ROLLOUT), LEARNED_SPECS)
-    placed = NamedSharding(mesh, SHARDED_ROLLOUT)
+    learn_sharded = sharded(learn, (LEARNER_SPECS, SHARDED, EXPERIENCE_SPECS, SHARDED_ROLLOUT), LEARNED_SPECS)
+    sharding = NamedSharding(mesh, SHARDED_ROLLOUT)
 
     def learn_all(learner: TrainState, observation: dict[str, jax.Array], experience: Experience) -> Learned:
-        drawn = jax.vmap(orders, (0, None), 1)(jnp.arange(mesh.size), learner)  # (epoch, device, environment)
-        drawn = jax.lax.with_sharding_constraint(drawn, placed)  # each device sorts its own
-        return learn_each(learner, observation, experience, drawn)
+        devices = jnp.arange(mesh.size)
+        orders = jax.vmap(draw_orders, (0, None), 1)(devices, learner)  # (epoch, device, environment)
+        orders = jax.lax.with_sharding_constraint(orders, sharding)  # each device sorts its own
+        return learn_sharded(learner, observation, experience, orders)
 
-    return Iteration(each(act, (EPISODE_SPECS, LEARNER_SPECS), (EPISODE_SPECS, EXPERIENCE_SPECS)), learn_all)
+    return Iteration(
+        sharded(act, (EPISODE_SPECS, LEARNER_SPECS), (EPISODE_SPECS, EXPERIENCE_SPECS)), learn_all
+    )
 
 
 def _means(values: dict[str, jax.Array]) -> StackedScalars:
@@ -141,11 +144,11 @@ def _means(values: dict[str, jax.Array]) -> StackedScalars:
     return StackedScalars.of({name: jnp.mean(value) for name, value in values.items()})
 
 
-def _with_episode_length(metrics: StackedScalars, least_done: float, period_s: float) -> dict[str, jax.Array]:
+def _with_episode_length(metrics: StackedScalars, min_done: float, period_s: float) -> dict[str, jax.Array]:
     """The metrics with the mean length of the episodes that ended, in seconds, instead of their sum."""
     scalars = dict(metrics)
     done, length = scalars.pop("done"), scalars.pop("length")
-    return scalars | {"episode/length_s": length / jnp.maximum(done, least_done) * period_s}
+    return scalars | {"episode/length_s": length / jnp.maximum(done, min_done) * period_s}
 
 
 def iteration_keys(

@@ -61,11 +61,11 @@ def normalised(
 
 
 def _first_input(observation: jax.Array, normalizer: Any, config: PpoConfig) -> jax.Array:
-    normal = running_statistics.normalize(observation, normalizer)
+    values = running_statistics.normalize(observation, normalizer)
     if not config.bfloat16:
-        return normal
-    padding = [(0, 0)] * (normal.ndim - 1) + [(0, -normal.shape[-1] % ALIGNMENT)]
-    return jnp.pad(normal.astype(jnp.bfloat16), padding)
+        return values
+    padding = [(0, 0)] * (values.ndim - 1) + [(0, -values.shape[-1] % ALIGNMENT)]
+    return jnp.pad(values.astype(jnp.bfloat16), padding)
 
 
 @jax.custom_jvp
@@ -86,7 +86,7 @@ def _elu_jvp(primals: tuple[jax.Array], tangents: tuple[jax.Array]) -> tuple[jax
 def _with_raw_observations(
     network: FeedForwardNetwork, name: str, hidden_layers: int, config: PpoConfig
 ) -> FeedForwardNetwork:
-    """Wraps a brax network of normalised observations; the result takes raw ones."""
+    """A brax network of normalised observations, wrapped to take raw observations."""
 
     def apply(normalizer: Any, params: Any, observation: Mapping[str, jax.Array]) -> Any:
         x = observation[name]
@@ -100,7 +100,7 @@ def _with_raw_observations(
 
 
 def hidden_in_bfloat16(params: Any, hidden_layers: int) -> Any:
-    """Parameters with those of the hidden layers rounded, and the first kernel padded as its input is.
+    """Parameters, rounded in the hidden layers, with the first kernel padded like its input.
 
     flax computes a layer in its operands' type. The last layer's parameters are not rounded, so that outputs
     have the resolution of float32. Rounded parameters stay as they are.
@@ -176,8 +176,8 @@ def with_dense_layers(policy: Any, layers: tuple[tuple[np.ndarray, np.ndarray], 
 def _dense_leaves(policy: Any) -> dict[str, np.ndarray]:
     """Kernels and biases of the dense layers by name, such as MLP_0/hidden_0/kernel."""
     leaves = jax.tree_util.tree_leaves_with_path(policy["params"])
-    named = {_name_of(path): np.asarray(leaf, np.float32) for path, leaf in leaves}
-    return {name: leaf for name, leaf in named.items() if name.endswith(("/kernel", "/bias"))}
+    by_name = {_name_of(path): np.asarray(leaf, np.float32) for path, leaf in leaves}
+    return {name: leaf for name, leaf in by_name.items() if name.endswith(("/kernel", "/bias"))}
 
 
 def _layer_names(leaves: Mapping[str, np.ndarray]) -> list[str]:

@@ -77,20 +77,20 @@ class Parts:
         # JAX's keys take 32 bits.
         seed = None if isinstance(start, TrainState) else np.uint32(start & 0xFFFFFFFF)
         programs = Programs(self.iteration(mesh), self.first_state, mesh)
-        shown: list[str] = []
+        shown_lines: list[str] = []
 
         def show_once(line: str) -> None:
-            if line not in shown:
-                shown.append(line)
+            if line not in shown_lines:
+                shown_lines.append(line)
                 report(line)
 
-        made = made_from(self.env.robot, self.config) if caches_programs(mesh) else None
+        parts = made_from(self.env.robot, self.config) if caches_programs(mesh) else None
 
         def program(name: str, lower: Callable[[], jax.stages.Lowered]) -> Future[jax.stages.Compiled]:
             """Loaded from the disk, or traced here and compiled in another thread."""
-            if made is None:
+            if parts is None:
                 return executor.submit(lower().compile)
-            return load_or_compile(lower, executor, show_once, name, *made)
+            return load_or_compile(lower, executor, show_once, name, *parts)
 
         # Compiled side by side. Nothing may run on the devices meanwhile: XLA times its kernels there.
         executor = ThreadPoolExecutor(len(NAMES), COMPILING)

@@ -56,7 +56,7 @@ class Ppo:
         rollout: Transition,
         observation: dict[str, jax.Array],
         key: jax.Array,
-        summary: Callable[[dict[str, jax.Array]], Any] = lambda losses: losses,
+        summarise: Callable[[dict[str, jax.Array]], Any] = lambda losses: losses,
         orders: jax.Array | None = None,
     ) -> tuple[PPONetworkParams, Any, Any]:
         """Learn from a rollout, arrays of shape (time, environment, ...), and the observation after it.
@@ -66,7 +66,7 @@ class Ppo:
             rollout: its transitions.
             observation: the observation after it.
             key: the update's random key.
-            summary: function of a mini-batch's losses that returns those to keep.
+            summarise: returns what to keep of a mini-batch's losses.
             orders: the environments' `orders`, drawn here if None. A `shard_map` needs them from outside,
                 because XLA's older partitioner aborts at sorts (envs/workarounds/partitioner.py).
 
@@ -82,7 +82,7 @@ class Ppo:
         first_key = jax.random.split(key, self.config.num_learning_epochs + 1)[0]
         learner = Learner(state.params, with_learning_rate(state.optimizer, rate), first_key)
         entropy = self.config.entropy_weight(state.iteration)
-        epoch = partial(self._epoch, data=data, limit=limit, entropy=entropy, summary=summary)
+        epoch = partial(self._epoch, data=data, limit=limit, entropy=entropy, summarise=summarise)
         learner, losses = jax.lax.scan(epoch, learner, orders)
         return learner.params, learner.optimizer, losses
 
@@ -102,7 +102,7 @@ class Ppo:
         data: Transition,
         limit: jax.Array,
         entropy: jax.Array,
-        summary: Callable[[dict[str, jax.Array]], Any],
+        summarise: Callable[[dict[str, jax.Array]], Any],
     ) -> tuple[Learner, Any]:
         """One gradient step on the samples of these environments."""
         config, mean = self.config, mean_over_devices(self.devices)
@@ -119,7 +119,7 @@ class Ppo:
                 optimizer, losses["kl_mean"], config.desired_kl, MIN_LEARNING_RATE, limit
             )
         losses["learning_rate"] = learning_rate(optimizer)
-        return Learner(optax.apply_updates(learner.params, updates), optimizer, key), summary(losses)
+        return Learner(optax.apply_updates(learner.params, updates), optimizer, key), summarise(losses)
 
     def _loss(
         self, params: PPONetworkParams, batch: Transition, key: jax.Array, entropy: jax.Array

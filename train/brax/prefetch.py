@@ -15,8 +15,8 @@ NAMES = ("act", "learn", "first state")
 
 def prefetch_programs(robot: Robot, config: TrainConfig) -> None:
     """Start loading the compiled programs of an earlier training with this robot and settings."""
-    made = made_from(robot, config)
-    prefetch(*((name, *made) for name in NAMES))
+    parts = made_from(robot, config)
+    prefetch(*((name, *parts) for name in NAMES))
 
 
 def made_from(robot: Robot, config: TrainConfig) -> tuple[Any, ...]:

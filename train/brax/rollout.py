@@ -24,7 +24,7 @@ def roll_out(
     config: PpoConfig,
     state: TrainState,
     keys: jax.Array,
-    summary: Callable[[dict[str, jax.Array]], Any] = lambda metrics: metrics,
+    summarise: Callable[[dict[str, jax.Array]], Any] = lambda metrics: metrics,
 ) -> tuple[Episodes, tuple[Transition, Any]]:
     """Act for one control step per key.
 
@@ -34,7 +34,7 @@ def roll_out(
         config: the trainer's settings.
         state: the training's state.
         keys: one for each control step.
-        summary: function of a control step's metrics, arrays (environment,), that returns those to keep.
+        summarise: returns what to keep of a control step's metrics, arrays (environment,).
 
     Returns:
         The episodes to continue with; transitions (time, environment, ...), and each control step's summary.
@@ -45,11 +45,11 @@ def roll_out(
     policy = make_inference_fn(networks)((state.normalizer, parameters))
     level = env.level(state.iteration * float(config.steps_per_iteration))
     episodes = (env.at_level(state.env, level), state.observation)
-    return jax.lax.scan(partial(_control_step, env, policy, summary), episodes, keys)
+    return jax.lax.scan(partial(_control_step, env, policy, summarise), episodes, keys)
 
 
 def _control_step(
-    env: Environment, policy: Callable, summary: Callable, episodes: Episodes, key: jax.Array
+    env: Environment, policy: Callable, summarise: Callable, episodes: Episodes, key: jax.Array
 ) -> tuple[Episodes, tuple[Transition, Any]]:
     env_state, observation = episodes
     action, policy_extras = policy(observation, key)
@@ -62,4 +62,4 @@ def _control_step(
         next_observation=None,  # the loss reads only the last one, an argument of `Ppo.update`
         extras={"policy_extras": policy_extras, "state_extras": {"truncation": step.truncated}},
     )
-    return (env_state, next_observation), (transition, summary(step.metrics))
+    return (env_state, next_observation), (transition, summarise(step.metrics))

@@ -29,8 +29,8 @@ def copied_networks(
 
     Args:
         path: the file.
-        params: parameters of the new training, on the host; values without a counterpart in the file stay.
-        normalizer: normaliser of the new training; same.
+        params: parameters of the new training, on the host.
+        normalizer: normaliser of the new training. Values without a counterpart in the file stay in both.
         ppo: the new training's settings.
 
     Returns:
@@ -56,12 +56,12 @@ def _from_checkpoint(
     if policy is None:
         raise ValueError("its actor has layers of other sizes than the new training")
     value = _same_shapes(params.value, saved["params"]["value"])
-    whole = _same_shapes(normalizer, saved["normalizer"])
-    if value is not None and whole is not None:
-        return params.replace(policy=policy, value=value), whole, CHECKPOINT_COPIED
+    saved_normalizer = _same_shapes(normalizer, saved["normalizer"])
+    if value is not None and saved_normalizer is not None:
+        return params.replace(policy=policy, value=value), saved_normalizer, CHECKPOINT_COPIED
     old = saved["normalizer"]
-    kept = _with_actor(normalizer, old["mean"][ACTOR], old["std"][ACTOR], ppo.steps_per_iteration)
-    return params.replace(policy=policy), kept, CRITIC_NOT_COPIED
+    mixed = _with_actor(normalizer, old["mean"][ACTOR], old["std"][ACTOR], ppo.steps_per_iteration)
+    return params.replace(policy=policy), mixed, CRITIC_NOT_COPIED
 
 
 def _from_policy(

@@ -69,11 +69,11 @@ def initial_state(
     params = PPONetworkParams(
         policy=networks.policy_network.init(actor_key), value=networks.value_network.init(critic_key)
     )
-    one = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape[1:]), observation)
+    example = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape[1:]), observation)
     state = TrainState(
         params=params,
         optimizer=make_optimizer(config).init(params),
-        normalizer=running_statistics.init_state(one),
+        normalizer=running_statistics.init_state(example),
         env=env_state,
         observation=observation,
         key=key,

@@ -32,7 +32,7 @@ class Moments(NamedTuple):
 
 
 def moments(normalizer: RunningStatisticsState, observation: dict[str, jax.Array]) -> Moments:
-    """Moments of observations (..., size). Those of several equal shares average to those of the whole."""
+    """Moments of observations (..., size). Moments of equal shares average to the moments of the whole."""
     difference = {name: x - normalizer.mean[name] for name, x in observation.items()}
     return Moments(
         {name: d.mean(axis=range(d.ndim - 1)) for name, d in difference.items()},
@@ -44,14 +44,14 @@ def updated(normalizer: RunningStatisticsState, new: Moments, samples: int) -> R
     """The statistics after further samples, with these moments (Welford's algorithm for batches)."""
     count = normalizer.count + samples
     total = jnp.float32(count.hi) * 2.0**32 + jnp.float32(count.lo)
-    step = {name: samples / total * first for name, first in new.first.items()}
+    shift = {name: samples / total * first for name, first in new.first.items()}
     squares = {
-        name: normalizer.summed_variance[name] + samples * (second - step[name] * new.first[name])
+        name: normalizer.summed_variance[name] + samples * (second - shift[name] * new.first[name])
         for name, second in new.second.items()
     }
     return normalizer.replace(
         count=count,
-        mean={name: normalizer.mean[name] + move for name, move in step.items()},
+        mean={name: normalizer.mean[name] + change for name, change in shift.items()},
         summed_variance=squares,
         std={
             name: jnp.clip(jnp.sqrt(jnp.maximum(square, 0) / total), MIN_STD, MAX_STD)

@@ -19,7 +19,7 @@ def with_mirror_images(
 
 
 def mirror_half(columns: jax.Array, key: jax.Array) -> jax.Array:
-    """Each environment's column with probability 1/2 replaced by that of its mirror image."""
+    """Each environment's column, with probability 1/2 replaced by its mirror image's column."""
     return columns + len(columns) * jax.random.bernoulli(key, 0.5, columns.shape)
 
 
@@ -34,7 +34,9 @@ def mirrored(
     from its own behaviour, and the learning rate would collapse.
     """
     observation = {name: mirror.observation[name](value) for name, value in data.observation.items()}
-    following = {name: mirror.observation[name](value) for name, value in data.next_observation.items()}
+    next_observation = {
+        name: mirror.observation[name](value) for name, value in data.next_observation.items()
+    }
     extras = data.extras["policy_extras"] | {
         "raw_action": mirror.action(data.extras["policy_extras"]["raw_action"]),
         "distribution_params": networks.policy_network.apply(*behaviour, observation),
@@ -42,6 +44,6 @@ def mirrored(
     return data._replace(
         observation=observation,
         action=mirror.action(data.action),
-        next_observation=following,
+        next_observation=next_observation,
         extras=data.extras | {"policy_extras": extras},
     )

@@ -66,7 +66,7 @@ class BraxTrainer(Trainer):
         return actor_means_function(self._parts.exact_networks)
 
     def _prepare_export(self, example: tuple[Any, Any]) -> None:
-        """Import and compile, beside the training, what the export needs of such a normaliser and actor."""
+        """Import and compile, beside the training, what the export needs for networks of these shapes."""
         with suppress(Exception):  # the export reports it
             from footfall.train.export import RANDOM_OBSERVATIONS
 
@@ -79,9 +79,10 @@ class BraxTrainer(Trainer):
         assert self._state is not None, "prepare first"
         fresh = jax.tree.map(np.asarray, cluster.gather((self._state.params, self._state.normalizer)))
         params, normalizer, notes = copied_networks(path, fresh[0], fresh[1], self._run.config.ppo)
-        where = shardings(STATE_SPECS, device_mesh(self._run.config.ppo))
+        state_shardings = shardings(STATE_SPECS, device_mesh(self._run.config.ppo))
         self._state = self._state._replace(
-            params=place(params, where.params), normalizer=place(normalizer, where.normalizer)
+            params=place(params, state_shardings.params),
+            normalizer=place(normalizer, state_shardings.normalizer),
         )
         return list(notes)
 

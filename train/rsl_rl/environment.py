@@ -60,8 +60,8 @@ class TorchEnvironment(VecEnv):
 
     def get_observations(self) -> TensorDict:
         """Observations of the actor ("state") and the critic ("privileged_state"), (environments, size)."""
-        seen = {name: torch.from_dlpack(value) for name, value in self.episodes.observation.items()}
-        return TensorDict(seen, batch_size=[self.num_envs], device=seen["state"].device)
+        observations = {name: torch.from_dlpack(value) for name, value in self.episodes.observation.items()}
+        return TensorDict(observations, batch_size=[self.num_envs], device=observations["state"].device)
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """One control step; actions of shape (environments, n). See rsl_rl's `VecEnv.step`."""
@@ -76,8 +76,8 @@ class TorchEnvironment(VecEnv):
     def take_metrics(self) -> dict[str, float]:
         """Means over all environments and over the steps since the last call."""
         means = {name: float(value) for name, value in jax.device_get(_mean(self._metrics)).items()}
-        ended = means.pop("done") * len(self._metrics) * self.num_envs
-        length = means.pop("length") * len(self._metrics) * self.num_envs / max(ended, 1.0)
+        ended_episodes = means.pop("done") * len(self._metrics) * self.num_envs
+        length = means.pop("length") * len(self._metrics) * self.num_envs / max(ended_episodes, 1.0)
         self._metrics.clear()
         return means | {"episode/length_s": length * self._period_s}
 

@@ -37,7 +37,7 @@ def copy_networks(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -
     """
     try:
         if path.suffix == EXPORTED:
-            _take_policy(path, actor, samples)
+            _copy_policy(path, actor, samples)
             return POLICY_COPIED
         saved = torch.load(path, weights_only=True, map_location="cpu")  # runs no code from the file
         actor.load_state_dict(saved["actor_state_dict"], strict=True)
@@ -50,7 +50,7 @@ def copy_networks(path: Path, actor: MLPModel, critic: MLPModel, samples: int) -
         raise UserError(f"cannot start from {path}: {reason}") from None
 
 
-def _take_policy(path: Path, actor: MLPModel, samples: int) -> None:
+def _copy_policy(path: Path, actor: MLPModel, samples: int) -> None:
     exported, normalizer = read_exported(path), actor.obs_normalizer
     layers = [layer for layer in actor.mlp if isinstance(layer, torch.nn.Linear)]
     std = torch.tensor(exported.std) - normalizer.eps  # the normaliser adds eps itself
@@ -69,5 +69,7 @@ def _take_policy(path: Path, actor: MLPModel, samples: int) -> None:
 
 def _fits(saved: dict[str, Any], model: MLPModel) -> bool:
     """Whether saved values have the names and shapes of a model's."""
-    own = model.state_dict()
-    return own.keys() == saved.keys() and all(own[name].shape == saved[name].shape for name in own)
+    current = model.state_dict()
+    return current.keys() == saved.keys() and all(
+        current[name].shape == saved[name].shape for name in current
+    )

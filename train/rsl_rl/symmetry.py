@@ -18,8 +18,10 @@ def make_augmentation(mirror: EnvironmentMirror, device: torch.device) -> Callab
         env: object, obs: TensorDict | None, actions: torch.Tensor | None
     ) -> tuple[TensorDict | None, torch.Tensor | None]:
         if obs is not None:
-            seen = {name: twice(obs[name]) for name, twice in observation.items()}
-            obs = TensorDict(seen, batch_size=[2 * len(obs)])
+            with_images = {
+                name: followed_by_image(obs[name]) for name, followed_by_image in observation.items()
+            }
+            obs = TensorDict(with_images, batch_size=[2 * len(obs)])
         return obs, None if actions is None else action(actions)
 
     return augment

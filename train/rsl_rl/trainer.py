@@ -56,7 +56,7 @@ class RslRlTrainer(Trainer):
             self.runner = OnPolicyRunner(self.environment, settings, device=str(device))
         cuda = device.type == "cuda"
         self._random = torch.cuda.default_generators[device.index] if cuda else torch.default_generator
-        self._seen = np.zeros((0, self.environment.get_observations()["state"].shape[1]), np.float32)
+        self._observations = np.zeros((0, self.environment.get_observations()["state"].shape[1]), np.float32)
 
     def prepare(self, report: Callable[[str], None]) -> None:
         """Show the environment's note; `__init__` has compiled and has drawn the networks from the seed."""
@@ -92,8 +92,8 @@ class RslRlTrainer(Trainer):
         self.runner.current_learning_iteration = self.iteration
         self.runner.learn(1)
         self.iteration += 1
-        seen = algorithm.storage.observations["state"].flatten(0, 1)
-        self._seen = seen[-LOGGED_OBSERVATIONS:].cpu().numpy()
+        observations = algorithm.storage.observations["state"].flatten(0, 1)
+        self._observations = observations[-LOGGED_OBSERVATIONS:].cpu().numpy()
         losses = algorithm.losses
         total = losses["surrogate"] + losses["value"] - algorithm.entropy_coef * losses["entropy"]
         return self.environment.take_metrics() | {
@@ -119,7 +119,7 @@ class RslRlTrainer(Trainer):
         infos = {
             "episodes": torch.frombuffer(bytearray(episodes), dtype=torch.uint8),
             "random": {self.environment.device.type: self._random.get_state()},
-            "seen": torch.from_numpy(self._seen),
+            "seen": torch.from_numpy(self._observations),
         }
         content = io.BytesIO()
         self.runner.save(content, infos)
@@ -150,7 +150,7 @@ class RslRlTrainer(Trainer):
             random = infos["random"].get(self.environment.device.type)
             if random is not None:  # None on another kind of device, as when a CPU exports a GPU's run
                 self._random.set_state(random)
-            self._seen = infos["seen"].numpy()
+            self._observations = infos["seen"].numpy()
             self.iteration = content["iter"] + 1
         except DAMAGES as error:
             reason = " ".join(str(error).split())[:120]
@@ -159,7 +159,7 @@ class RslRlTrainer(Trainer):
 
     def export(self, path: Path) -> float:
         """Write the policy; returns and raises as `footfall.train.export.export`."""
-        return export(trained_actor(self.runner.alg.get_policy()), self._contract, self._seen, path)
+        return export(trained_actor(self.runner.alg.get_policy()), self._contract, self._observations, path)
 
 
 def trained_actor(model: MLPModel) -> Actor:
@@ -168,9 +168,9 @@ def trained_actor(model: MLPModel) -> Actor:
     layers = [layer for layer in model.mlp if isinstance(layer, torch.nn.Linear)]
 
     def act(observed: np.ndarray) -> np.ndarray:
-        seen = torch.from_numpy(observed).to(layers[0].weight.device)
+        observations = torch.from_numpy(observed).to(layers[0].weight.device)
         with torch.no_grad():
-            return _array(model(TensorDict({"state": seen}, batch_size=[len(seen)])))
+            return _array(model(TensorDict({"state": observations}, batch_size=[len(observations)])))
 
     return Actor(
         trainer="rsl_rl",

@@ -74,7 +74,7 @@ def _keep_newest(folder: Path, count: int) -> None:
 
 
 def path_of(folder: Path, iteration: int) -> Path:
-    """Where the checkpoint after so many iterations is written."""
+    """Path of the checkpoint after this number of iterations."""
     return folder / f"{iteration:08d}{SUFFIX}"
 
 

@@ -28,7 +28,7 @@ class Display:
     def __init__(self, total_steps: int, console: Console | None = None) -> None:
         self._console = console or Console()
         self._total = total_steps
-        self._live = self._console.is_terminal
+        self._is_terminal = self._console.is_terminal
         self._progress = Progress(
             TextColumn("{task.description}"), BarColumn(20), TextColumn("{task.percentage:>3.0f} %"),
             TimeElapsedColumn(), TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left"),
@@ -39,7 +39,7 @@ class Display:
         self._printed = 0.0
 
     def __enter__(self) -> "Display":
-        if self._live:
+        if self._is_terminal:
             self._screen.__enter__()
         return self
 
@@ -49,7 +49,7 @@ class Display:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._live:
+        if self._is_terminal:
             self._screen.__exit__(kind, error, trace)
 
     def report(self, text: str) -> None:
@@ -57,25 +57,25 @@ class Display:
         with suppress(OSError, SystemExit):  # a full disk; a closed pipe, for which rich raises SystemExit
             self._console.print(text, highlight=False, soft_wrap=True)
 
-    def doing(self, what: str) -> None:
-        """Show a step before the first iteration, such as "compiling"."""
-        self._progress.update(self._task, description=what)
-        if not self._live:
-            self.report(what)
+    def show_stage(self, stage: str) -> None:
+        """Show a stage before the first iteration, such as "compiling"."""
+        self._progress.update(self._task, description=stage)
+        if not self._is_terminal:
+            self.report(stage)
 
     def update(self, steps: int, steps_per_s: float, metrics: dict[str, float]) -> None:
         """Show the metrics of an iteration, and the progress after it."""
-        done = f"{min(steps, self._total):,} of {self._total:,} steps, {steps_per_s:,.0f} per s"
+        progress = f"{min(steps, self._total):,} of {self._total:,} steps, {steps_per_s:,.0f} per s"
         self._progress.update(self._task, completed=min(steps, self._total), description="training")
         now = time.monotonic()
-        last = steps >= self._total
-        if self._live:
-            room = self._console.height - OTHER_LINES
-            self._screen.update(Group(self._progress, Text(done), metrics_table(metrics, room)))
-        elif now - self._printed > PLAIN_INTERVAL_S or last:
+        is_last = steps >= self._total
+        if self._is_terminal:
+            free_lines = self._console.height - OTHER_LINES
+            self._screen.update(Group(self._progress, Text(progress), metrics_table(metrics, free_lines)))
+        elif now - self._printed > PLAIN_INTERVAL_S or is_last:
             self._printed = now
-            left = max(self._total - steps, 0) / max(steps_per_s, 1.0)
-            self.report(f"{done}, {left:.0f} s left, {_summary(metrics)}")
+            remaining_s = max(self._total - steps, 0) / max(steps_per_s, 1.0)
+            self.report(f"{progress}, {remaining_s:.0f} s left, {_summary(metrics)}")
 
 
 def _summary(metrics: dict[str, float]) -> str:
@@ -94,10 +94,10 @@ def metrics_table(metrics: dict[str, float], rows: int) -> Table:
         metrics: metrics by name, GROUP/NAME.
         rows: most rows to show; the log has the others.
     """
-    shown = {name: value for name, value in metrics.items() if not name.startswith(LOG_ONLY)}
-    rewards = sorted((n for n in shown if n.startswith("reward/")), key=lambda n: (n != "reward/total", n))
+    visible = {name: value for name, value in metrics.items() if not name.startswith(LOG_ONLY)}
+    rewards = sorted((n for n in visible if n.startswith("reward/")), key=lambda n: (n != "reward/total", n))
     groups = ("tracking/", "episode/", "learning/")
-    others = [name for group in groups for name in sorted(shown) if name.startswith(group)]
+    others = [name for group in groups for name in sorted(visible) if name.startswith(group)]
     table = Table.grid(padding=(0, 2), expand=False)
     table.width = TABLE_WIDTH
     for justify in ("left", "right", "left", "right"):
@@ -106,7 +106,7 @@ def metrics_table(metrics: dict[str, float], rows: int) -> Table:
         cells = [
             text
             for names in (rewards, others)
-            for text in ((names[row], _short(shown[names[row]])) if row < len(names) else ("", ""))
+            for text in ((names[row], _short(visible[names[row]])) if row < len(names) else ("", ""))
         ]
         table.add_row(*cells)
     return table

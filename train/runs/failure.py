@@ -175,8 +175,8 @@ def _device_failure(run: Run, text: str, verb: str) -> str:
             f" ppo.num_envs (it is {run.config.ppo.num_envs}), or continue on a device that has more:"
             f" footfall {verb} {run.folder}"
         )
-    what = f"the device failed: {(text.splitlines() or [''])[0][:MAX_REASON_CHARS]}"
-    return f"{what}; {_last_good(newest)}; continue with: footfall {verb} {run.folder}"
+    message = f"the device failed: {(text.splitlines() or [''])[0][:MAX_REASON_CHARS]}"
+    return f"{message}; {_last_good(newest)}; continue with: footfall {verb} {run.folder}"
 
 
 def _last_good(newest: Path | None) -> str:

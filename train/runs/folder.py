@@ -95,7 +95,7 @@ def create_run(folder: Path, provenance: Provenance, config: TrainConfig) -> Run
 
 
 def _is_leftover(path: Path) -> bool:
-    """Whether this file is of a run that was killed before its folder was complete."""
+    """Whether this file belongs to a run that was killed before its folder was complete."""
     return path.name == "config.yaml" or path.name.startswith((*TEMPORARY, f"{START}."))
 
 

@@ -40,13 +40,13 @@ class Journal:
         """Append an iteration's metrics to the log and show them."""
         steps = iteration * self._steps_per_iteration
         speed = self._speed.after(time.monotonic(), steps)
-        with self._full_disk_reported("metrics"):
+        with self._reporting_full_disk("metrics"):
             self._log.write(steps, {**metrics, "speed/steps_per_s": speed})
         self._display.update(steps, speed, dict(metrics))
 
     def save(self, write: Callable[[], object]) -> None:
         """Write a checkpoint; if the disk is full, wait for the next interval."""
-        with self._full_disk_reported("checkpoint"):
+        with self._reporting_full_disk("checkpoint"):
             write()
         self._saved_at = time.monotonic()
 
@@ -55,7 +55,7 @@ class Journal:
         self._log.close()
 
     @contextmanager
-    def _full_disk_reported(self, what: str) -> Iterator[None]:
+    def _reporting_full_disk(self, what: str) -> Iterator[None]:
         try:
             yield
         except CannotWriteError as error:

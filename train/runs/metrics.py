@@ -21,22 +21,22 @@ class MetricsLog:
     does not fit on a full disk leaves no part behind.
     """
 
-    def __init__(self, folder: Path, first_step: int) -> None:
+    def __init__(self, folder: Path, steps_done: int) -> None:
         """
         Raises:
             CannotWriteError: the folder cannot be written.
         """
         self._path = folder / "metrics.jsonl"
         try:
-            self._keep_before(first_step)
+            self._keep_up_to(steps_done)
             self._lines = _WholeRecords(self._path)
             (folder / "events").mkdir(exist_ok=True)
             events = _WholeRecords(folder / "events" / f"events.out.tfevents.{time.time_ns()}")
             self._events = RecordWriter(events)
             self._write_event(Event(file_version="brain.Event:2"))
-            if first_step:  # TensorBoard then drops later steps of the interrupted run
+            if steps_done:  # TensorBoard then drops later steps of the interrupted run
                 restarted = SessionLog(status=SessionLog.START)
-                self._write_event(Event(step=first_step + 1, session_log=restarted))
+                self._write_event(Event(step=steps_done + 1, session_log=restarted))
         except OSError as error:
             raise self._refusal(error) from None
 
@@ -64,14 +64,14 @@ class MetricsLog:
     def _refusal(self, error: OSError) -> CannotWriteError:
         return CannotWriteError(f"cannot write {self._path}: {error.strerror}")
 
-    def _keep_before(self, first_step: int) -> None:
+    def _keep_up_to(self, steps_done: int) -> None:
         if not self._path.exists():
             return
         lines = self._path.read_text(encoding="utf-8").splitlines()
         kept = []
         for line in lines:
             try:
-                if json.loads(line)["step"] <= first_step:
+                if json.loads(line)["step"] <= steps_done:
                     kept.append(line)
             except (json.JSONDecodeError, KeyError):
                 continue  # a line that a killed process did not finish

@@ -22,7 +22,7 @@ class SweepConfig:
     trials: int = 1  # draws from the space; lists under grid_search multiply them
     metric: str = "tracking/linear_error_m_s"
     mode: Literal["min", "max"] = "min"
-    concurrent: int | None = None  # trials at once; as many as fit the machine by default
+    concurrent: int | None = None  # trials at once; None: as many as fit the machine
     cpus: float = 1.0  # for each trial
     gpus: float = 0.0  # for each trial; trials may share one
     # Name and settings as ray.tune.create_scheduler takes them.
@@ -35,8 +35,8 @@ class SweepConfig:
             raise ValueError(f"trials must be at least 1, not {self.trials}")
 
     @property
-    def points(self) -> int:
-        """Trainings in the whole sweep."""
+    def trainings(self) -> int:
+        """Number of trainings in the whole sweep."""
         grids = [
             len(declared["grid_search"]) for declared in self.space.values() if "grid_search" in declared
         ]

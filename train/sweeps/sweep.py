@@ -129,12 +129,13 @@ def _ray(config: SweepConfig) -> Iterator[None]:
         logging_level=logging.ERROR,
         runtime_env={"env_vars": environment},
     )
-    before = signal.getsignal(signal.SIGINT)
+    previous_handler = signal.getsignal(signal.SIGINT)
     try:
         yield
     finally:
         if threading.current_thread() is threading.main_thread():
-            signal.signal(signal.SIGINT, before)  # Tune leaves its own handler unless it was interrupted
+            # Tune leaves its own handler unless it was interrupted.
+            signal.signal(signal.SIGINT, previous_handler)
         ray.shutdown()
 
 
@@ -146,11 +147,11 @@ def _check_first_trial(tune: ModuleType, config: SweepConfig) -> None:
     """
     drawn = first_draw(search_space(tune, config))
     robot = load_robot(config.robot)
-    one = trial_config(config.preset, drawn, robot)
+    first_trial = trial_config(config.preset, drawn, robot)
     for key, declared in config.space.items():
         for value in (value for name in TAKES_LIST for value in declared.get(name, ())):
             trial_config(config.preset, drawn | {key: value}, robot)
-    reported = reported_metrics(config.robot, one, config.trainer)
+    reported = reported_metrics(config.robot, first_trial, config.trainer)
     if reported is None:
         return
     known = [STEPS, SPEED, *reported]
@@ -175,8 +176,8 @@ def collect_results(grid: Any, config: SweepConfig, out: Path) -> SweepResults:
         settings = dict(result.config or {})
         folder = Path(result.path).name
         # After an interruption Ray reports all trials as ended. "done" marks the trials that a scheduler
-        # stopped, the policy file those that finished: Ray may forget that of a resumed trial.
-        ended = bool(metrics.get("done")) or (out / folder / "policy.onnx").is_file()
+        # stopped. The policy file marks finished trials: Ray may forget "done" of a resumed trial.
+        has_ended = bool(metrics.get("done")) or (out / folder / "policy.onnx").is_file()
         trials.append(
             Trial(
                 folder=folder,
@@ -184,7 +185,7 @@ def collect_results(grid: Any, config: SweepConfig, out: Path) -> SweepResults:
                 settings=settings,
                 value=_value(metrics, config.metric, out / folder / "metrics.jsonl"),
                 steps=metrics.get(STEPS, 0),
-                error=_last_line(result.error) or ("" if ended else UNFINISHED),
+                error=_last_line(result.error) or ("" if has_ended else UNFINISHED),
             )
         )
     sign = 1.0 if config.mode == "min" else -1.0
@@ -192,8 +193,8 @@ def collect_results(grid: Any, config: SweepConfig, out: Path) -> SweepResults:
     points, names = points_of(trials, config.mode), list(config.space)
     write_atomically(out / RESULTS, trials_table(trials, names, config.metric).encode())
     write_atomically(out / POINTS, points_table(points, names, config.metric).encode())
-    left = config.points - sum(trial.error != UNFINISHED for trial in trials)
-    return SweepResults(trials, points, left)
+    unfinished = config.trainings - sum(trial.error != UNFINISHED for trial in trials)
+    return SweepResults(trials, points, unfinished)
 
 
 def _value(last: dict[str, Any], metric: str, logged: Path) -> float:

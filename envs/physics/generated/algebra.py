@@ -14,9 +14,9 @@ Symmetric = dict[tuple[int, int], Scalar]  # entries of the lower triangle, row 
 
 def vector(*elements: Scalar) -> np.ndarray:
     """An array of these expressions and numbers."""
-    made = np.empty(len(elements), object)
-    made[:] = elements
-    return made
+    array = np.empty(len(elements), object)
+    array[:] = elements
+    return array
 
 
 def cross(a: Vector, b: Vector) -> Vector:
@@ -51,7 +51,7 @@ def turned_about(axis: np.ndarray, sine: Scalar, cosine: Scalar) -> Matrix:
     return along + (np.eye(3) - along) * cosine + across * sine
 
 
-def itself(value: Scalar) -> Scalar:
+def identity(value: Scalar) -> Scalar:
     """The sum over a single part."""
     return value
 
@@ -63,7 +63,7 @@ class Factor:
     stays as sparse as it is, and a contact between two limbs fills in only what both of them reach.
     """
 
-    def __init__(self, matrix: Symmetric, size: int, shared: int = 0, total: Total = itself) -> None:
+    def __init__(self, matrix: Symmetric, size: int, shared: int = 0, total: Total = identity) -> None:
         """Factorise a matrix.
 
         Args:
@@ -77,7 +77,7 @@ class Factor:
         self._inverse: list[Scalar] = []  # inverse of D's diagonal, last first
         for k in reversed(range(size)):
             if k == shared - 1:
-                remaining = {at: total(value) for at, value in remaining.items() if at[0] < shared}
+                remaining = {(i, j): total(value) for (i, j), value in remaining.items() if i < shared}
             inverse = 1.0 / remaining[k, k]
             columns = [j for j in reversed(range(k)) if _is_nonzero(remaining, k, j)]
             scaled = [(i, remaining[k, i] * inverse) for i in columns]
@@ -93,16 +93,16 @@ class Factor:
 
         Like the matrix's, the shared rows of `rhs` are one limb's part of a sum.
         """
-        x, last = list(rhs), len(rhs) - 1
+        x, last_row = list(rhs), len(rhs) - 1
         for n, row in enumerate(self._rows):
-            if last - n == self._shared - 1:
+            if last_row - n == self._shared - 1:
                 x[: self._shared] = map(self._total, x[: self._shared])
             for i, factor in row:
-                x[i] = x[i] - factor * x[last - n]
+                x[i] = x[i] - factor * x[last_row - n]
         x = [value * inverse for value, inverse in zip(x, reversed(self._inverse), strict=True)]
         for n, row in reversed(list(enumerate(self._rows))):
             for i, factor in row:
-                x[last - n] = x[last - n] - factor * x[i]
+                x[last_row - n] = x[last_row - n] - factor * x[i]
         return x
 
 

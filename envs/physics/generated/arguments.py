@@ -11,17 +11,17 @@ class Array(NamedTuple):
 
     name: str
     width: int
-    stepwise: bool
+    is_stepwise: bool
 
     def shape(self, robots: int, steps: int) -> tuple[int, ...]:
         """Shape of the array of all robots."""
-        return (robots, steps, self.width) if self.stepwise else (robots, self.width)
+        return (robots, steps, self.width) if self.is_stepwise else (robots, self.width)
 
 
 def arguments(substep: Substep) -> tuple[list[Array], list[Array]]:
     """Inputs and outputs. Outputs: the final state, and the trace of each physics step."""
-    inputs = [Array(name, width, False) for name, width in (substep.state | substep.held).items()]
-    inputs += [Array(name, width, True) for name, width in substep.stepwise.items()]
+    inputs = [Array(name, width, False) for name, width in (substep.state | substep.fixed_inputs).items()]
+    inputs += [Array(name, width, True) for name, width in substep.step_inputs.items()]
     outputs = [Array(f"end.{name}", width, False) for name, width in substep.state.items()]
     outputs += [Array(f"trace.{name}", _width(values), True) for name, values in substep.trace.items()]
     return inputs, outputs

@@ -12,28 +12,28 @@ from typing import Any, NamedTuple
 from footfall.envs.physics.generated.algebra import dot
 from footfall.envs.physics.generated.expression import Scalar, less, maximum, sqrt, where
 
-MIN_SQUARE = 1e-15  # of T, by which others are divided
+MIN_SQUARE = 1e-15  # lower limit of T^2, since T is a divisor
 
 
 class Cone(NamedTuple):
     """Friction of a contact whose cone is elliptic."""
 
     friction: tuple[Scalar, ...]  # along each tangent
-    impratio: float  # how much stiffer than the normal force
+    impratio: float  # how much stiffer friction is than the normal force
 
     @property
     def mu(self) -> Scalar:
-        """Of the regularised cone."""
+        """Friction coefficient of the regularised cone."""
         return self.friction[0] * self.impratio**-0.5
 
     def weights(self, weight: Scalar) -> list[Scalar]:
-        """D of normal and tangents, from that of the normal."""
+        """D of the normal and of each tangent, from D of the normal."""
         first = self.friction[0]
         shares = [self.impratio * (f * f) / (first * first) for f in self.friction]
         return [weight, *(weight * share for share in shares)]
 
     def scaled(self, residual: list[Scalar]) -> tuple[Scalar, list[Scalar]]:
-        """N and U."""
+        """N and U of a residual."""
         normal, *rest = residual
         return self.mu * normal, [f * r for f, r in zip(self.friction, rest, strict=True)]
 
@@ -47,61 +47,65 @@ class Cone(NamedTuple):
         mu, (n, u) = self.mu, self.scaled(residual)
         t = _length(u)
         inside = 0.5 * dot([d * r for d, r in zip(self.weights(weight), residual, strict=True)], residual)
-        return _by_zone(mu, n, t, inside, 0.5 * self._middle(weight) * (n - mu * t) * (n - mu * t))
+        return _by_zone(mu, n, t, inside, 0.5 * self._between_weight(weight) * (n - mu * t) * (n - mu * t))
 
     def derivatives(
         self, weight: Scalar, residual: list[Scalar]
     ) -> tuple[list[Scalar], dict[tuple[int, int], Scalar]]:
         """Gradient and Hessian of the cost with respect to the residual, for the same arguments."""
         mu, (n, u), weights = self.mu, self.scaled(residual), self.weights(weight)
-        t, middle = _length(u), self._middle(weight)
+        t, between_weight = _length(u), self._between_weight(weight)
         outward, scales = [-mu * each / t for each in u], (mu, *self.friction)
-        pull = middle * (n - mu * t)
+        pull = between_weight * (n - mu * t)
 
-        def zone(inside: Scalar, between: Scalar) -> Scalar:
+        def by_zone(inside: Scalar, between: Scalar) -> Scalar:
             return _by_zone(mu, n, t, inside, between)
 
         directions = [1.0, *outward]
         gradient = [
-            zone(d * r, pull * direction * scale)
+            by_zone(d * r, pull * direction * scale)
             for d, r, direction, scale in zip(weights, residual, directions, scales, strict=True)
         ]
         bend = n / (mu * t)
-        hessian = {(0, 0): zone(weights[0], middle * (mu * mu))}
+        hessian = {(0, 0): by_zone(weights[0], between_weight * (mu * mu))}
         for j, out in enumerate(outward):
-            hessian[0, j + 1] = hessian[j + 1, 0] = zone(0.0, middle * mu * scales[j + 1] * out)
-            for k, other in enumerate(outward):
-                between = bend * out * other + (mu * mu * (1.0 - bend) if j == k else 0.0)
-                own = weights[j + 1] if j == k else 0.0
-                hessian[j + 1, k + 1] = zone(own, middle * scales[j + 1] * scales[k + 1] * between)
+            hessian[0, j + 1] = hessian[j + 1, 0] = by_zone(0.0, between_weight * mu * scales[j + 1] * out)
+            for k, out_k in enumerate(outward):
+                between = bend * out * out_k + (mu * mu * (1.0 - bend) if j == k else 0.0)
+                inside = weights[j + 1] if j == k else 0.0
+                hessian[j + 1, k + 1] = by_zone(
+                    inside, between_weight * scales[j + 1] * scales[k + 1] * between
+                )
         return gradient, hessian
 
     def along(
         self, weight: Scalar, residual: list[Scalar], change: list[Scalar]
     ) -> Callable[[Scalar], tuple[Scalar, Scalar]]:
         """First and second derivative of the cost of residual + length * change, by the length."""
-        mu, weights, middle = self.mu, self.weights(weight), self._middle(weight)
+        mu, weights, between_weight = self.mu, self.weights(weight), self._between_weight(weight)
         (n, u), (dn, du) = self.scaled(residual), self.scaled(change)
 
         def derivatives(length: Scalar) -> tuple[Scalar, Scalar]:
-            there: list[Any] = [r + length * c for r, c in zip(residual, change, strict=True)]
-            n_there, u_there = n + length * dn, [a + length * b for a, b in zip(u, du, strict=True)]
-            t = _length(u_there)
-            dt = dot(u_there, du) / t
+            moved: list[Any] = [r + length * c for r, c in zip(residual, change, strict=True)]
+            n_moved, u_moved = n + length * dn, [a + length * b for a, b in zip(u, du, strict=True)]
+            t = _length(u_moved)
+            dt = dot(u_moved, du) / t
             ddt = (dot(du, du) - dt * dt) / t
             first_inside: Scalar = 0.0
             second_inside: Scalar = 0.0
-            for d, r, c in zip(weights, there, change, strict=True):
+            for d, r, c in zip(weights, moved, change, strict=True):
                 first_inside = first_inside + d * r * c
                 second_inside = second_inside + d * c * c
-            gap, slope = n_there - mu * t, dn - mu * dt
-            first = _by_zone(mu, n_there, t, first_inside, middle * gap * slope)
-            second = _by_zone(mu, n_there, t, second_inside, middle * (slope * slope - gap * mu * ddt))
+            gap, slope = n_moved - mu * t, dn - mu * dt
+            first = _by_zone(mu, n_moved, t, first_inside, between_weight * gap * slope)
+            second = _by_zone(
+                mu, n_moved, t, second_inside, between_weight * (slope * slope - gap * mu * ddt)
+            )
             return first, second
 
         return derivatives
 
-    def _middle(self, weight: Scalar) -> Scalar:
+    def _between_weight(self, weight: Scalar) -> Scalar:
         square = self.mu * self.mu
         return weight / (square * (1.0 + square))
 
@@ -111,5 +115,5 @@ def _length(values: list[Scalar]) -> Scalar:
 
 
 def _by_zone(mu: Scalar, n: Scalar, t: Scalar, inside: Scalar, between: Scalar) -> Scalar:
-    """0 where the contact pushes apart, else the value of the cone's inside or of its surroundings."""
+    """0 where N >= mu T, `inside` where mu N + T <= 0, `between` elsewhere."""
     return where(less(n, mu * t), where(less(0.0, mu * n + t), between, inside), 0.0)

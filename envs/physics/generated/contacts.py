@@ -76,12 +76,13 @@ class Geometry:
         if self._model.geom_type[one] != PLANE:
             return [
                 self._between(
-                    geom_pair, *self._nearest(geom_pair.geoms, lambda of, k: of(geom_pair.geoms[k]))
+                    geom_pair,
+                    *self._nearest(geom_pair.geoms, lambda function, k: function(geom_pair.geoms[k])),
                 )
             ]
         if ground is None:
             body = self._model.geom_bodyid[one]
-            turn, position = self._fixed(int(body))
+            turn, position = self._fixed_pose(int(body))
             normal = turn @ rotation(self._model.geom_quat[one])[:, 2]
             normal[np.abs(normal) < TINY] = 0.0
             ground = np.append(normal, normal @ (position + turn @ self._model.geom_pos[one]))
@@ -107,46 +108,48 @@ class Geometry:
     def between_limbs(self, pair: Pair, part: Part) -> Contact:
         """The contact of a limb with another one. Both compute it from the same numbers."""
 
-        def seen(position: Callable[[int], Vector], k: int) -> Vector:
-            own, is_own = position(pair.own[k]), less(0.5, part.number(float(k == pair.side)))
-            return vector(*(where(is_own, x, part.partner(x, pair.slot)) for x in own))
+        def evaluate(function: Callable[[int], Vector], k: int) -> Vector:
+            own_value, is_own = function(pair.own_geoms[k]), less(0.5, part.number(float(k == pair.side)))
+            return vector(*(where(is_own, x, part.partner(x, pair.slot)) for x in own_value))
 
-        return self._between(pair.geom_pair, *self._nearest(pair.geom_pair.geoms, seen))
+        return self._between(pair.geom_pair, *self._nearest(pair.geom_pair.geoms, evaluate))
 
     def _on_ground(
         self, geom_pair: GeomPair, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None = None
     ) -> list[Contact]:
-        """Contacts of a sphere at this offset from a geom's centre with the plane and with a higher level."""
+        """Contacts of a sphere at this offset from a geom's centre with the plane and with a step up."""
         plane = self._on_plane(geom_pair, ground, geom, offset, along)
         if len(ground) == PLANE_NUMBERS:
             return [plane]
-        level, beyond = self._on_level(geom_pair, ground, geom, offset, along)
-        return [plane._replace(excess=beyond), level]
+        step, excess = self._on_step(geom_pair, ground, geom, offset, along)
+        return [plane._replace(excess=excess), step]
 
-    def _on_level(
+    def _on_step(
         self, geom_pair: GeomPair, ground: np.ndarray, geom: int, offset: Vector, along: Vector | None
     ) -> tuple[Contact, Scalar]:
-        """The contact of a sphere with a higher level, and how far its centre is beyond the edge, m.
+        """The contact of a sphere with a step up, and how far its centre is behind the step's face, m.
 
-        The level fills all space beyond its edge and below its height.
+        The step fills all space behind its face and below its height.
         """
         centre, radius = self._sphere(geom, offset)
         world = self.in_world(centre)
         outwards = vector(ground[4], ground[5], 0.0)
-        away = outwards @ world - ground[6]
+        from_face = outwards @ world - ground[6]
         above = world[2] - ground[7]
-        sideways, upwards = maximum(away, 0.0), maximum(above, 0.0)
+        sideways, upwards = maximum(from_face, 0.0), maximum(above, 0.0)
         square = sideways * sideways + upwards * upwards
         length = sqrt(maximum(square, TINY))
         outside = less(TINY, square)
-        through_side = less(above, away)  # the shorter way out, for a centre inside
+        through_side = less(above, from_face)  # the shorter way out, for a centre inside
         side = where(outside, sideways / length, where(through_side, 1.0, 0.0))
         up = where(outside, upwards / length, where(through_side, 0.0, 1.0))
         normal = outwards * side + vector(0.0, 0.0, up)
-        distance = where(outside, length, maximum(away, above)) - radius
-        turned = self._base_turn.T @ normal
-        position = centre - turned * (radius + 0.5 * distance)
-        return Contact(geom_pair, distance, position, turned, self._tangents(geom_pair, normal, along)), -away
+        distance = where(outside, length, maximum(from_face, above)) - radius
+        normal_in_base = self._base_turn.T @ normal
+        position = centre - normal_in_base * (radius + 0.5 * distance)
+        return Contact(
+            geom_pair, distance, position, normal_in_base, self._tangents(geom_pair, normal, along)
+        ), -from_face
 
     def _sphere(self, geom: int, offset: Vector) -> tuple[Vector, float]:
         """Centre, in the base's frame, and radius of a sphere at this offset; 0 for a box's corner."""
@@ -166,9 +169,9 @@ class Geometry:
     def _between(self, geom_pair: GeomPair, one: Vector, two: Vector) -> Contact:
         """The contact of two spheres around these points, with the geoms' radii."""
         radii = [float(self._model.geom_size[geom][0]) for geom in geom_pair.geoms]
-        away = two - one
-        length = sqrt(maximum(away @ away, TINY**2))
-        normal, distance = away / length, length - sum(radii)
+        separation = two - one
+        length = sqrt(maximum(separation @ separation, TINY**2))
+        normal, distance = separation / length, length - sum(radii)
         position = one + normal * (radii[0] + 0.5 * distance)
         world = self._base_turn @ normal if geom_pair.dimensions > SMOOTH else normal
         return Contact(geom_pair, distance, position, normal, self._tangents(geom_pair, world, None))
@@ -187,20 +190,22 @@ class Geometry:
         return self._base_turn.T @ first, self._base_turn.T @ cross(normal, first)
 
     def _nearest(
-        self, geoms: tuple[int, int], seen: Callable[[Callable[[int], Vector], int], Vector]
+        self, geoms: tuple[int, int], evaluate: Callable[[Callable[[int], Vector], int], Vector]
     ) -> tuple[Vector, Vector]:
         """The closest points on the axes of two spheres or capsules (mjraw_CapsuleCapsule).
 
         Args:
-            geoms: the two.
-            seen: calls a function of a geom for the first (0) or the second one (1).
+            geoms: the two geoms.
+            evaluate: value of a function of a geom, for the first (0) or the second one (1).
         """
         one, two = geoms
-        first, second = seen(self.centre, 0), seen(self.centre, 1)
+        first, second = evaluate(self.centre, 0), evaluate(self.centre, 1)
         types = self._model.geom_type
         if types[two] == SPHERE:
             return first, second
-        a, b = (seen(self._axis, k) * float(self._model.geom_size[geom][1]) for k, geom in enumerate(geoms))
+        a, b = (
+            evaluate(self._axis, k) * float(self._model.geom_size[geom][1]) for k, geom in enumerate(geoms)
+        )
         aa, bb = (float(self._model.geom_size[geom][1]) ** 2 for geom in (one, two))
         between = first - second
         if types[one] == SPHERE:
@@ -233,11 +238,11 @@ class Geometry:
         pose = self.poses[link]
         return pose.position + pose.turn @ position
 
-    def _fixed(self, body: int) -> tuple[np.ndarray, np.ndarray]:
+    def _fixed_pose(self, body: int) -> tuple[np.ndarray, np.ndarray]:
         """Rotation and position in the world of a body that is fixed to it."""
         turn, position = np.eye(3), np.zeros(3)
         while body != 0:
-            own = rotation(self._model.body_quat[body])
-            turn, position = own @ turn, self._model.body_pos[body] + own @ position
+            body_turn = rotation(self._model.body_quat[body])
+            turn, position = body_turn @ turn, self._model.body_pos[body] + body_turn @ position
             body = int(self._model.body_parentid[body])
         return turn, position

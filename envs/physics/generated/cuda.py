@@ -27,7 +27,7 @@ OPERATIONS = {
     "where": "{} ? {} : {}",
 }
 FLAGS = {"less", "either"}  # operations whose result is a bool
-ALL = "0xffffffffu"  # lanes of a warp
+ALL_LANES = "0xffffffffu"  # lanes of a warp
 
 
 def lanes_of(substep: Substep) -> int:
@@ -65,7 +65,7 @@ def kernel_source(substep: Substep, steps: int, robots: int, block: int, blocks:
         row = f"(step * {widths[array]} + {index(place)})" if stepwise else index(place)
         return f"{names[array]}[{row} * {robots} + robot]"
 
-    def of(value: Scalar) -> str:
+    def text_of(value: Scalar) -> str:
         if isinstance(value, Expression):
             return f"n{value.number}"
         return f"{float(np.float32(value))!r}f"
@@ -77,25 +77,27 @@ def kernel_source(substep: Substep, steps: int, robots: int, block: int, blocks:
                 array, place = node.operands
                 if array in substep.state:
                     return [f"const float {name} = {state[array, place]};"]
-                return [f"const float {name} = {element(array, place, array in substep.stepwise)};"]
+                return [f"const float {name} = {element(array, place, array in substep.step_inputs)};"]
             case "result":
                 return [f"const float {name} = n{node.operands[0].number}_{node.operands[1]};"]
             case "loop":
                 return loop(name, plan.loops[node])
             case "lanes":
-                return [f"const float {name} = {of_limb([of(value) for value in node.operands])};"]
+                return [f"const float {name} = {of_limb([text_of(value) for value in node.operands])};"]
             case "total":
-                (value,) = map(of, node.operands)
-                counted = value if lanes == substep.limbs else f"idle ? 0.0f : {value}"
+                (value,) = map(text_of, node.operands)
+                summand = value if lanes == substep.limbs else f"idle ? 0.0f : {value}"
                 # The same tree of sums in each lane: all have the same bits.
-                added = (f"{name} += __shfl_xor_sync({ALL}, {name}, {1 << k});" for k in range(bits))
-                return [f"float {name} = {counted};", *added]
+                added = (f"{name} += __shfl_xor_sync({ALL_LANES}, {name}, {1 << k});" for k in range(bits))
+                return [f"float {name} = {summand};", *added]
             case "partner":
                 value, slot = node.operands
                 partner = of_limb([str(limb) for limb in substep.partners[slot]])
-                return [f"const float {name} = __shfl_sync({ALL}, {of(value)}, {partner}, {lanes});"]
+                return [
+                    f"const float {name} = __shfl_sync({ALL_LANES}, {text_of(value)}, {partner}, {lanes});"
+                ]
         kind = "bool" if node.operation in FLAGS else "float"
-        computed = OPERATIONS[node.operation].format(*map(of, node.operands))
+        computed = OPERATIONS[node.operation].format(*map(text_of, node.operands))
         return [f"const {kind} {name} = {computed};"]
 
     def loop(name: str, loop: Loop) -> list[str]:
@@ -103,19 +105,19 @@ def kernel_source(substep: Substep, steps: int, robots: int, block: int, blocks:
         numbers = range(len(loop.start))
         read = [(k, variable) for k, variable in enumerate(loop.variables) if variable is not None]
         return [
-            *(f"float {name}_{k} = {of(loop.start[k])};" for k in numbers),
+            *(f"float {name}_{k} = {text_of(loop.start[k])};" for k in numbers),
             f"bool {name}_more = true;",
             "#pragma unroll 1",
             f"for (int turn = 0; turn < {loop.max_repetitions}; turn++) {{",
             *(f"const float n{variable.number} = {name}_{k};" for k, variable in read),
             *(line for node in loop.body for line in lines(node)),
-            *(f"{name}_{k} = {name}_more ? {of(loop.following[k])} : {name}_{k};" for k in numbers),
-            f"{name}_more = {name}_more && {of(loop.more)};",
-            f"if (!{f'__any_sync({ALL}, {name}_more)' if lanes > 1 else f'{name}_more'}) break;",
+            *(f"{name}_{k} = {name}_more ? {text_of(loop.following[k])} : {name}_{k};" for k in numbers),
+            f"{name}_more = {name}_more && {text_of(loop.continues)};",
+            f"if (!{f'__any_sync({ALL_LANES}, {name}_more)' if lanes > 1 else f'{name}_more'}) break;",
             "}",
         ]
 
-    plan = schedule(substep.results, substep.held)
+    plan = schedule(substep.results, substep.fixed_inputs)
     state = {
         (array, place): f"{names[array]}_{k}"
         for array, values in substep.following.items()
@@ -130,18 +132,18 @@ def kernel_source(substep: Substep, steps: int, robots: int, block: int, blocks:
         f"const bool idle = thread % {lanes} >= {substep.limbs}, beyond = thread >= {robots * lanes};",
         f"const int robot = beyond ? {robots - 1} : thread / {lanes}, limb = idle ? 0 : thread % {lanes};",
         *(f"float {name} = {element(*key, False)};" for key, name in state.items()),
-        *(line for node in plan.before for line in lines(node)),
+        *(line for node in plan.before_loop for line in lines(node)),
         "#pragma unroll 1",
         f"for (int step = 0; step < {steps}; step++) {{",
         *(line for node in plan.step for line in lines(node)),
         "if (!idle && !beyond) {",
         *(
-            f"{element(f'trace.{name}', place, True)} = {of(value)};"
+            f"{element(f'trace.{name}', place, True)} = {text_of(value)};"
             for name, values in substep.trace.items()
             for place, value in values.items()
         ),
         "}",
-        *(f"{name} = {of(substep.following[array][place])};" for (array, place), name in state.items()),
+        *(f"{name} = {text_of(substep.following[array][place])};" for (array, place), name in state.items()),
         "}",
         "if (!idle && !beyond) {",
         *(f"{element(f'end.{array}', place, False)} = {name};" for (array, place), name in state.items()),

@@ -42,7 +42,7 @@ def load(code: bytes, name: str, devices: Iterable[int]) -> int:
     Args:
         code: machine code, for all of the devices.
         name: name of the kernel in the code.
-        devices: GPUs to load it into now. Its first launch may be too late, since XLA records launches and
+        devices: GPUs to load it into now. The first launch may be too late, since XLA records launches and
             repeats them.
 
     Raises:
@@ -61,13 +61,13 @@ def load(code: bytes, name: str, devices: Iterable[int]) -> int:
 
 
 def _load_into(device: int, kernel: ctypes.c_void_p) -> None:
-    driver, context, before, function = library(), *(ctypes.c_void_p() for _ in range(3))
+    driver, context, popped, function = library(), *(ctypes.c_void_p() for _ in range(3))
     _check(driver.cuDevicePrimaryCtxRetain(ctypes.byref(context), device), "cuDevicePrimaryCtxRetain")
     _check(driver.cuCtxPushCurrent_v2(context), "cuCtxPushCurrent")
     try:
         _check(driver.cuKernelGetFunction(ctypes.byref(function), kernel), "cuKernelGetFunction")
     finally:
-        driver.cuCtxPopCurrent_v2(ctypes.byref(before))
+        driver.cuCtxPopCurrent_v2(ctypes.byref(popped))
 
 
 def launch_address() -> int:

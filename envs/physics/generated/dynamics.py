@@ -98,35 +98,45 @@ def dynamics(
     mass: Symmetric = {}
     bias: list[Scalar] = [0.0] * (BASE_DOFS + len(tree.hinges))
 
-    def visit(link: int, spin: Vector, turning: Vector, acceleration: Vector) -> tuple[Inertia, _Wrench]:
+    def visit(link: int, omega: Vector, alpha: Vector, acceleration: Vector) -> tuple[Inertia, _Wrench]:
         """Composite inertia of a link and its descendants, and the wrench that moves them.
 
-        Arguments: angular velocity, angular acceleration, and acceleration of the link's origin, in the
-        link's frame, for a motion in which no coordinate accelerates.
+        The arguments hold for a motion in which no coordinate accelerates, in the link's frame.
+
+        Args:
+            link: index, or BASE.
+            omega: angular velocity.
+            alpha: angular acceleration.
+            acceleration: of the link's origin.
         """
-        whole = inertias.get(link, NO_INERTIA)
-        m, h, inertia = whole
-        force = m * acceleration + cross(turning, h) + cross(spin, cross(spin, h))
-        torque = inertia @ turning + cross(spin, inertia @ spin) + cross(h, acceleration)
+        composite = inertias.get(link, NO_INERTIA)
+        m, h, inertia = composite
+        force = m * acceleration + cross(alpha, h) + cross(omega, cross(omega, h))
+        torque = inertia @ alpha + cross(omega, inertia @ omega) + cross(h, acceleration)
         for child in children.get(link, []):
             hinge, turn = tree.hinges[child], turns[child]
-            along = hinge.axis * speeds[child]
-            carried = turn.T @ spin
-            moved = acceleration + cross(turning, hinge.position) + cross(spin, cross(spin, hinge.position))
-            part, wrench = visit(
-                child, carried + along, turn.T @ turning + cross(carried, along), turn.T @ moved
+            hinge_velocity = hinge.axis * speeds[child]
+            omega_in_child = turn.T @ omega
+            anchor_acceleration = (
+                acceleration + cross(alpha, hinge.position) + cross(omega, cross(omega, hinge.position))
+            )
+            of_child, wrench = visit(
+                child,
+                omega_in_child + hinge_velocity,
+                turn.T @ alpha + cross(omega_in_child, hinge_velocity),
+                turn.T @ anchor_acceleration,
             )
             bias[BASE_DOFS + child] = hinge.axis @ wrench.torque
             wrench = wrench.seen_from(turn, hinge.position)
             force, torque = force + wrench.force, torque + wrench.torque
-            _mass_of_hinge(child, part)
-            whole = whole + part.seen_from(turn, hinge.position)
-        return whole, _Wrench(force, torque)
+            _mass_of_hinge(child, of_child)
+            composite = composite + of_child.seen_from(turn, hinge.position)
+        return composite, _Wrench(force, torque)
 
-    def _mass_of_hinge(link: int, beyond: Inertia) -> None:
+    def _mass_of_hinge(link: int, composite: Inertia) -> None:
         """Fill a hinge's row of the mass matrix: forces on itself, its ancestors and the base."""
         row, axis = BASE_DOFS + link, tree.hinges[link].axis
-        wrench = _Wrench(cross(axis, beyond.moment), beyond.matrix @ axis)
+        wrench = _Wrench(cross(axis, composite.moment), composite.matrix @ axis)
         mass[row, row] = axis @ wrench.torque
         while True:
             wrench = wrench.seen_from(turns[link], tree.hinges[link].position)
@@ -137,14 +147,14 @@ def dynamics(
         for k in range(3):
             mass[row, k], mass[row, 3 + k] = wrench.force[k], wrench.torque[k]
 
-    whole, wrench = visit(BASE, angular_velocity, np.zeros(3), -gravity)
+    composite, wrench = visit(BASE, angular_velocity, np.zeros(3), -gravity)
     bias[:3], bias[3:BASE_DOFS] = wrench.force, wrench.torque
-    x, y, z = whole.moment
+    x, y, z = composite.moment
     moment = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]  # torque of an acceleration (RBDA, equation 2.63)
     for i in range(3):
-        mass[i, i] = whole.mass
+        mass[i, i] = composite.mass
         for j in range(3):
             mass[3 + i, j] = moment[i][j]
         for j in range(i + 1):
-            mass[3 + i, 3 + j] = whole.matrix[i, j]
+            mass[3 + i, 3 + j] = composite.matrix[i, j]
     return Dynamics(mass, bias)

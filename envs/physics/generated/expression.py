@@ -45,17 +45,17 @@ class Graph:
         """The values after repeating `body`, from `start`.
 
         Args:
-            max_repetitions: more are not made, whatever the flag.
+            max_repetitions: upper limit, whatever the flag.
             start: the initial values.
             body: returns the next values, and a flag that is true to continue.
         """
         serial = len(self._nodes)
-        following, more = body([self.node("variable", serial, k) for k in range(len(start))])
-        loop = self.node("loop", serial, max_repetitions, more, *start, *following)
+        following, continues = body([self.node("variable", serial, k) for k in range(len(start))])
+        loop = self.node("loop", serial, max_repetitions, continues, *start, *following)
         return [self.node("result", loop, k) for k in range(len(start))]
 
 
-def _known(*values: Scalar) -> bool:
+def _are_constants(*values: Scalar) -> bool:
     return not any(isinstance(value, Expression) for value in values)
 
 
@@ -70,16 +70,16 @@ def _is(value: Scalar, operation: str) -> bool:
 
 def _ordered(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
     """Operands whose order does not matter: the older one first, a constant last."""
-    if _known(a) or (not _known(b) and a.number > b.number):
+    if _are_constants(a) or (not _are_constants(b) and a.number > b.number):
         return b, a
     return a, b
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
-    if _known(a, b):
+    if _are_constants(a, b):
         return a + b
     for one, other in ((a, b), (b, a)):
-        if _known(one) and one == 0.0:
+        if _are_constants(one) and one == 0.0:
             return other
         if _is(other, "negative"):
             return subtract(one, other.operands[0])
@@ -87,11 +87,11 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def subtract(a: Scalar, b: Scalar) -> Scalar:
-    if _known(a, b):
+    if _are_constants(a, b):
         return a - b
-    if _known(b) and b == 0.0:
+    if _are_constants(b) and b == 0.0:
         return a
-    if _known(a) and a == 0.0:
+    if _are_constants(a) and a == 0.0:
         return negative(b)
     if _is(b, "negative"):
         return add(a, b.operands[0])
@@ -99,7 +99,7 @@ def subtract(a: Scalar, b: Scalar) -> Scalar:
 
 
 def negative(a: Scalar) -> Scalar:
-    if _known(a):
+    if _are_constants(a):
         return -a
     if _is(a, "negative"):
         return a.operands[0]
@@ -107,17 +107,17 @@ def negative(a: Scalar) -> Scalar:
 
 
 def multiply(a: Scalar, b: Scalar) -> Scalar:
-    if _known(a, b):
+    if _are_constants(a, b):
         return a * b
     for one, other in ((a, b), (b, a)):
-        if _known(one):
+        if _are_constants(one):
             if one == 0.0:
                 return 0.0
             if one == 1.0:
                 return other
             if one == -1.0:
                 return negative(other)
-            if _is(other, "multiply") and _known(other.operands[1]):
+            if _is(other, "multiply") and _are_constants(other.operands[1]):
                 return multiply(other.operands[0], one * other.operands[1])
         if _is(one, "negative"):
             return negative(multiply(one.operands[0], other))
@@ -125,38 +125,40 @@ def multiply(a: Scalar, b: Scalar) -> Scalar:
 
 
 def divide(a: Scalar, b: Scalar) -> Scalar:
-    if _known(b):
+    if _are_constants(b):
         return multiply(a, 1.0 / b)
-    return 0.0 if _known(a) and a == 0.0 else _node("divide", a, b)
+    return 0.0 if _are_constants(a) and a == 0.0 else _node("divide", a, b)
 
 
 def minimum(a: Scalar, b: Scalar) -> Scalar:
-    return min(a, b) if _known(a, b) else _node("minimum", a, b)
+    return min(a, b) if _are_constants(a, b) else _node("minimum", a, b)
 
 
 def maximum(a: Scalar, b: Scalar) -> Scalar:
-    return max(a, b) if _known(a, b) else _node("maximum", a, b)
+    return max(a, b) if _are_constants(a, b) else _node("maximum", a, b)
 
 
 def less(a: Scalar, b: Scalar) -> Scalar:
-    return a < b if _known(a, b) else _node("less", a, b)
+    return a < b if _are_constants(a, b) else _node("less", a, b)
 
 
 def _either(a: Scalar, b: Scalar) -> Scalar:
-    return (a or b) if _known(a, b) else _node("either", a, b)
+    return (a or b) if _are_constants(a, b) else _node("either", a, b)
 
 
 def where(condition: Scalar, yes: Scalar, no: Scalar) -> Scalar:
     """`yes` where the condition holds, else `no`."""
-    if _known(condition):
+    if _are_constants(condition):
         return yes if condition else no
-    if yes is no or (_known(yes, no) and yes == no):
+    if yes is no or (_are_constants(yes, no) and yes == no):
         return yes
-    return condition.graph.node("where", condition, *(v if not _known(v) else float(v) for v in (yes, no)))
+    return condition.graph.node(
+        "where", condition, *(v if not _are_constants(v) else float(v) for v in (yes, no))
+    )
 
 
 def _function(name: str, of_a_constant: Callable[[float], float]) -> Callable[[Scalar], Scalar]:
-    return lambda value: of_a_constant(value) if _known(value) else _node(name, value)
+    return lambda value: of_a_constant(value) if _are_constants(value) else _node(name, value)
 
 
 sqrt = _function("sqrt", math.sqrt)
@@ -224,7 +226,7 @@ class Loop(NamedTuple):
     variables: list[Expression | None]  # None: the body does not read it
     start: list[Scalar]
     following: list[Scalar]
-    more: Scalar  # flag computed by the body: true to continue
+    continues: Scalar  # flag computed by the body: true to continue
     max_repetitions: int
     body: list[Expression]  # operands first
 
@@ -232,17 +234,17 @@ class Loop(NamedTuple):
 class Schedule(NamedTuple):
     """The nodes of a program in the order in which they were recorded: operands first."""
 
-    before: list[Expression]  # nodes that depend on held inputs alone
+    before_loop: list[Expression]  # nodes that depend on fixed inputs alone
     step: list[Expression]
     loops: dict[Expression, Loop]  # whose bodies are in neither list
 
 
-def schedule(outputs: Iterable[Scalar], held: Collection[str]) -> Schedule:
+def schedule(outputs: Iterable[Scalar], fixed_inputs: Collection[str]) -> Schedule:
     """The nodes that a program with these outputs must compute.
 
     Args:
         outputs: outputs of one physics step.
-        held: names of the input arrays that do not change from step to step.
+        fixed_inputs: names of the input arrays that do not change from step to step.
     """
     needed: dict[int, Expression] = {}
     waiting = [output for output in outputs if isinstance(output, Expression)]
@@ -251,35 +253,37 @@ def schedule(outputs: Iterable[Scalar], held: Collection[str]) -> Schedule:
         if node.number not in needed:
             needed[node.number] = node
             waiting.extend(operand for operand in node.operands if isinstance(operand, Expression))
-    before, step, loops = [], [], {}
+    before_loop, step, loops = [], [], {}
     bodies: dict[Expression, int] = {}  # nodes in a loop's body, with its serial number
     changing: set[Expression] = set()
     for _, node in sorted(needed.items()):
         operands = [operand for operand in node.operands if isinstance(operand, Expression)]
-        inside = {bodies[operand] for operand in operands if operand in bodies}
+        loop_serials = {bodies[operand] for operand in operands if operand in bodies}
         if node.operation == "variable":
             bodies[node] = node.operands[0]
         elif node.operation == "loop":
             loops[node] = _loop(node, bodies)
             step.append(node)
             changing.add(node)
-        elif inside:
-            (bodies[node],) = inside
-        elif changing.intersection(operands) or (node.operation == "input" and node.operands[0] not in held):
+        elif loop_serials:
+            (bodies[node],) = loop_serials
+        elif changing.intersection(operands) or (
+            node.operation == "input" and node.operands[0] not in fixed_inputs
+        ):
             step.append(node)
             changing.add(node)
         else:
-            before.append(node)
-    return Schedule(before, step, loops)
+            before_loop.append(node)
+    return Schedule(before_loop, step, loops)
 
 
 def _loop(node: Expression, bodies: dict[Expression, int]) -> Loop:
-    serial, max_repetitions, more, *values = node.operands
+    serial, max_repetitions, continues, *values = node.operands
     count = len(values) // 2
-    body = [each for each, of in bodies.items() if of == serial]
+    body = [each for each, loop_serial in bodies.items() if loop_serial == serial]
     variables: list[Expression | None] = [None] * count
     for each in body:
         if each.operation == "variable":
             variables[each.operands[1]] = each
     rest = [each for each in body if each.operation != "variable"]
-    return Loop(variables, values[:count], values[count:], more, max_repetitions, rest)
+    return Loop(variables, values[:count], values[count:], continues, max_repetitions, rest)

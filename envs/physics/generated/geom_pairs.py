@@ -29,7 +29,7 @@ TINY = 1e-15  # MuJoCo's mjMINVAL
 
 
 class GeomPair(NamedTuple):
-    """Two geoms that can touch, and the parameters of their contact. The first one's type is the lower."""
+    """Two geoms that can touch, in the order of their types, and the parameters of their contact."""
 
     geoms: tuple[int, int]
     dimensions: int
@@ -41,14 +41,14 @@ class GeomPair(NamedTuple):
 
 def geom_pairs(model: mujoco.MjModel) -> list[GeomPair]:
     """All pairs of geoms that MuJoCo would test for contact."""
-    found = [_declared(model, pair) for pair in range(model.npair)]
-    known = {geom_pair.geoms for geom_pair in found}
+    pairs = [_declared(model, pair) for pair in range(model.npair)]
+    declared = {geom_pair.geoms for geom_pair in pairs}
     excluded = excluded_bodies(model)
     for a, b in combinations(range(model.ngeom), 2):
         geoms = _by_type(model, a, b)
-        if geoms not in known and _can_touch(model, a, b, excluded):
-            found.append(_mixed(model, geoms))
-    return found
+        if geoms not in declared and _can_touch(model, a, b, excluded):
+            pairs.append(_mixed(model, geoms))
+    return pairs
 
 
 def contact_refusals(model: mujoco.MjModel) -> Iterator[str]:
@@ -99,8 +99,9 @@ def _mixed(model: mujoco.MjModel, geoms: tuple[int, int]) -> GeomPair:
     margin = model.geom_margin[one] + model.geom_margin[two]
     priority = model.geom_priority
     if priority[one] != priority[two]:
-        lead = one if priority[one] > priority[two] else two
-        solref, solimp, dimensions = model.geom_solref[lead], model.geom_solimp[lead], model.geom_condim[lead]
+        dominant = one if priority[one] > priority[two] else two
+        solref, solimp = model.geom_solref[dominant], model.geom_solimp[dominant]
+        dimensions = model.geom_condim[dominant]
     else:
         weights = model.geom_solmix[[one, two]]
         share = weights[0] / weights.sum() if weights.sum() >= TINY else 0.5

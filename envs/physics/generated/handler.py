@@ -14,14 +14,14 @@ import jax
 
 HEADER = "xla/ffi/api/c_api.h"
 KNOWN_MAJOR = 0
-METADATA = 1  # type of the extension of a call that asks for the version and the traits
+METADATA_EXTENSION = 1  # type of the extension of a call that asks for the version and the traits
 IN_COMMAND_BUFFERS = 1  # the trait of a function whose launches XLA may record and repeat
 INTERNAL_ERROR = 13
 FAILED = "the generated physics could not be launched: train with env.physics=mjx"
 # Offsets in bytes. Of a call's frame:
 EXTENSION, API, CONTEXT, ARGUMENTS, RESULTS = 8, 16, 24, 72, 112
 # Of an extension, of metadata, of the functions of the interface, of a buffer, of a request for the stream:
-TYPE, FOUND = 8, 24
+TYPE, METADATA_POINTER = 8, 24
 MAJOR, MINOR, TRAITS = 24, 28, 32
 CREATE_ERROR, GET_STREAM = 48, 80
 DATA = 24
@@ -108,10 +108,10 @@ define ptr @handler(ptr %frame) {{
   br i1 %is_call, label %call, label %extended
 extended:
   {_field("type", "extension", TYPE, "i32")}
-  %is_question = icmp eq i32 %type, {METADATA}
+  %is_question = icmp eq i32 %type, {METADATA_EXTENSION}
   br i1 %is_question, label %question, label %call
 question:
-  {_field("found", "extension", FOUND)}
+  {_field("found", "extension", METADATA_POINTER)}
   {_set("found", MAJOR, f"i32 {major}")}
   {_set("found", MINOR, f"i32 {minor}")}
   {_set("found", TRAITS, f"i32 {IN_COMMAND_BUFFERS}")}

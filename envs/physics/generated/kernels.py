@@ -65,21 +65,21 @@ _registered: dict[str, _Registered] = {}
 _registering = Lock()
 
 
-def register(name: str, launch: Launch, compile_code: Callable[[], bytes], at_once: bool = True) -> None:
+def register(name: str, launch: Launch, compile_code: Callable[[], bytes], compile_now: bool = True) -> None:
     """Register a kernel for programs to call; does nothing if the name is registered.
 
     Args:
         name: identifies the kernel's code and number of robots.
-        launch: how it is launched.
-        compile_code: returns its machine code.
-        at_once: begin to compile it now; otherwise its first launch does.
+        launch: launch parameters.
+        compile_code: returns the kernel's machine code.
+        compile_now: begin to compile the kernel now; if False, its first launch does.
     """
     with _registering:
         if name in _registered:
             return
         kernel = _registered[name] = _Registered(name, launch, compile_code)
-        kernel.begun = at_once
-    if at_once:
+        kernel.begun = compile_now
+    if compile_now:
         Thread(target=kernel.load_in_background, name="load kernel").start()
 
 

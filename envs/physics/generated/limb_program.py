@@ -32,8 +32,8 @@ def substep_by_threads(
     def of_limbs(arrays: Sequence[dict[str, Values]]) -> dict[str, Values]:
         places = {name: zip(*(array[name] for array in arrays), strict=True) for name in arrays[0]}
         return {
-            name: {each[0] if len(set(each)) == 1 else each: next(results) for each in found}
-            for name, found in places.items()
+            name: {place[0] if len(set(place)) == 1 else place: next(results) for place in of_array}
+            for name, of_array in places.items()
         }
 
     following = of_limbs([step.following for step in steps])
@@ -51,11 +51,11 @@ def merged(outputs: Iterable[Sequence[Scalar]]) -> list[Scalar]:
     if len({len(program) for program in programs}) > 1:
         raise LimbsDifferError("limbs differ")
     results = list(zip(*programs, strict=True))
-    graph, made = Graph(), dict[PerLimb, Scalar]()
+    graph, nodes = Graph(), dict[PerLimb, Scalar]()
 
     def operand(values: tuple[Operand, ...], operation: str = "") -> Operand:
         if isinstance(values[0], Expression):
-            return made[values]
+            return nodes[values]
         is_serial = operation in {"variable", "loop"} and isinstance(values[0], int)
         if len(set(values)) == 1 or is_serial:
             return values[0]
@@ -64,23 +64,23 @@ def merged(outputs: Iterable[Sequence[Scalar]]) -> list[Scalar]:
     for values in _operands_first(results):
         operation = values[0].operation
         operands = [operand(each, operation) for each in zip(*(v.operands for v in values), strict=True)]
-        made[values] = operands[0] if operation == "constant" else graph.node(operation, *operands)
+        nodes[values] = operands[0] if operation == "constant" else graph.node(operation, *operands)
     return [operand(values) for values in results]
 
 
 def _operands_first(results: list[PerLimb]) -> list[PerLimb]:
     """All nodes that these nodes need; corresponding nodes of the limbs are side by side."""
-    found, waiting = set[PerLimb](), list(results)
+    needed, waiting = set[PerLimb](), list(results)
     while waiting:
         values = waiting.pop()
-        if values in found or not any(isinstance(value, Expression) for value in values):
+        if values in needed or not any(isinstance(value, Expression) for value in values):
             continue
         if len({_kind(value) for value in values}) > 1:
             raise LimbsDifferError("limbs differ")
-        found.add(values)
+        needed.add(values)
         if values[0].operation not in LEAVES:
             waiting.extend(zip(*(value.operands for value in values), strict=True))
-    return sorted(found, key=lambda values: [value.number for value in values])
+    return sorted(needed, key=lambda values: [value.number for value in values])
 
 
 def _kind(value: Scalar) -> tuple[str, int]:

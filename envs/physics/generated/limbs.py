@@ -16,7 +16,7 @@ from footfall.envs.physics.generated.geom_pairs import SMOOTH, GeomPair, geom_pa
 from footfall.envs.physics.generated.tree import BASE, ROUNDING, Hinge, Tree
 
 GEOMETRY = ("rotation", "position", "axis")  # of a hinge
-MAX_PAIRS = 6  # contacts between limbs: all limbs compute the forces of all
+MAX_PAIRS = 6  # contacts between limbs; every limb computes the forces of all of them
 
 
 class LimbsDifferError(Exception):
@@ -29,7 +29,7 @@ class Pair(NamedTuple):
     geom_pair: GeomPair
     number: int | None  # index among all such contacts; None: this limb has no such contact
     slot: int  # index of the exchange with a partner
-    own: tuple[int, int]  # this limb's geoms that correspond to the first and the second geom
+    own_geoms: tuple[int, int]  # this limb's geoms that correspond to the first and the second geom
     side: int  # index of this limb's geom in the contact
 
 
@@ -66,7 +66,7 @@ class Part:
         return self.graph.node("constant", float(value), self._numbers)
 
 
-def whole(model: mujoco.MjModel, tree: Tree) -> Part:
+def whole_robot(model: mujoco.MjModel, tree: Tree) -> Part:
     """The whole robot as one part."""
     part = Part(tree)
     part.geom_pairs = geom_pairs(model)
@@ -87,18 +87,18 @@ def limbs_of(model: mujoco.MjModel, tree: Tree) -> tuple[list[Part], list[tuple[
         raise LimbsDifferError("limbs differ")
     _separate_numbers(limbs)
     geoms = [list(_geoms(model, limb.tree)) for limb in limbs]
-    home = {geom: (n, k) for n, own in enumerate(geoms) for k, geom in enumerate(own)}
-    between = []
+    location = {geom: (n, k) for n, limb_geoms in enumerate(geoms) for k, geom in enumerate(limb_geoms)}
+    between_limbs = []
     for geom_pair in geom_pairs(model):
-        owners = {home[geom][0] for geom in geom_pair.geoms if geom in home}
+        owners = {location[geom][0] for geom in geom_pair.geoms if geom in location}
         for n in owners or range(len(limbs)):
             if len(owners) < 2:
                 limbs[n].geom_pairs.append(geom_pair)
         if len(owners) == 2:
-            between.append(geom_pair)
-    if len(between) > MAX_PAIRS or any(geom_pair.dimensions != SMOOTH for geom_pair in between):
+            between_limbs.append(geom_pair)
+    if len(between_limbs) > MAX_PAIRS or any(geom_pair.dimensions != SMOOTH for geom_pair in between_limbs):
         raise LimbsDifferError("limbs touch each other in many contacts, or with friction")
-    return limbs, list(_pair_up(limbs, geoms, home, between))
+    return limbs, list(_pair_up(limbs, geoms, location, between_limbs))
 
 
 def _separate_numbers(limbs: Sequence[Part]) -> None:
@@ -110,12 +110,12 @@ def _separate_numbers(limbs: Sequence[Part]) -> None:
             values = np.array([getattr(hinge, name) for hinge in each])
             differ = (np.abs(values - values[0]) > ROUNDING).any(axis=0)
             numbers[name] = np.where(differ, values, values[0]).astype(object)
-            for own, limb in zip(numbers[name], limbs, strict=True):
-                own[differ] = [limb.number(value) for value in own[differ]]
+            for limb_values, limb in zip(numbers[name], limbs, strict=True):
+                limb_values[differ] = [limb.number(value) for value in limb_values[differ]]
         for n, hinge in enumerate(each):
             hinges[n].append(hinge._replace(**{name: values[n] for name, values in numbers.items()}))
-    for limb, own in zip(limbs, hinges, strict=True):
-        limb.tree = limb.tree._replace(hinges=tuple(own))
+    for limb, limb_hinges in zip(limbs, hinges, strict=True):
+        limb.tree = limb.tree._replace(hinges=tuple(limb_hinges))
 
 
 def _geoms(model: mujoco.MjModel, tree: Tree) -> Iterator[int]:
@@ -129,8 +129,8 @@ def _geoms(model: mujoco.MjModel, tree: Tree) -> Iterator[int]:
 def _pair_up(
     limbs: Sequence[Part],
     geoms: list[list[int]],
-    home: dict[int, tuple[int, int]],
-    between: list[GeomPair],
+    location: dict[int, tuple[int, int]],
+    between_limbs: list[GeomPair],
 ) -> Iterator[tuple[int, ...]]:
     """Give each limb its contacts with other limbs; yields the partners in each slot.
 
@@ -138,10 +138,12 @@ def _pair_up(
     it computes the contact, too, but without weight.
     """
     slots: list[tuple[tuple[int, ...], dict[int, GeomPair]]] = []  # the geoms' numbers, and contacts by limb
-    for geom_pair in between:
-        owners, places = zip(*(home[geom] for geom in geom_pair.geoms), strict=True)
-        free = (members for kind, members in slots if kind == places and members.keys().isdisjoint(owners))
-        members = next(free, None)
+    for geom_pair in between_limbs:
+        owners, places = zip(*(location[geom] for geom in geom_pair.geoms), strict=True)
+        available = (
+            members for kind, members in slots if kind == places and members.keys().isdisjoint(owners)
+        )
+        members = next(available, None)
         if members is None:
             slots.append((places, members := {}))
         members |= dict.fromkeys(owners, geom_pair)
@@ -149,11 +151,11 @@ def _pair_up(
         partners = list(range(len(limbs)))
         for n, limb in enumerate(limbs):
             geom_pair = members.get(n, next(iter(members.values())))
-            owners = tuple(home[geom][0] for geom in geom_pair.geoms)
+            owners = tuple(location[geom][0] for geom in geom_pair.geoms)
             side = int(owners[0] != n)
             if n in members:
                 partners[n] = owners[1 - side]
-            number = between.index(geom_pair) if n in members else None
+            number = between_limbs.index(geom_pair) if n in members else None
             limb.pairs.append(Pair(geom_pair, number, slot, (geoms[n][one], geoms[n][two]), side))
-            limb.num_pairs = len(between)
+            limb.num_pairs = len(between_limbs)
         yield tuple(partners)

@@ -91,12 +91,12 @@ class _Writer:
         self._substep, self._steps, self._lanes = substep, steps, lanes
         self._inputs, outputs = arguments(substep)
         self._arrays = [*self._inputs, *outputs]
-        self._plan = schedule(substep.results, substep.held)
+        self._plan = schedule(substep.results, substep.fixed_inputs)
         self._block = "step"  # in which the next line lies
         self._item = {4: "float", 8: "double"}[dtype.itemsize]
         self._bytes = dtype.itemsize
         self._vector, self._flags = f"<{lanes} x {self._item}>", f"<{lanes} x i1>"
-        self._short = f"v{lanes}f{8 * dtype.itemsize}"
+        self._suffix = f"v{lanes}f{8 * dtype.itemsize}"
         self._dtype = dtype
         self._lines: list[str] = []
         self._declared: set[str] = set()
@@ -120,17 +120,17 @@ class _Writer:
         self._emit("  br label %group\ngroup:\n  %robot = phi i64 [%first, %entry], [%next, %leave]")
         self._robots()
         for array in self._arrays:
-            self._rows(array.name, array.width * (self._steps if array.stepwise else 1))
+            self._rows(array.name, array.width * (self._steps if array.is_stepwise else 1))
         for name, width in self._substep.state.items():
             for index in range(width):
-                self._keep(name, index, self._gather(f'%"rows.{name}"', index))
-        for node in self._plan.before:
+                self._store(name, index, self._gather(f'%"rows.{name}"', index))
+        for node in self._plan.before_loop:
             self._node(node)
 
     def _physics_step(self) -> None:
         """The loop over physics steps."""
         self._emit("  br label %step\nstep:\n  %k = phi i64 [0, %group], [%following, %after]")
-        for name, width in ((array.name, array.width) for array in self._arrays if array.stepwise):
+        for name, width in ((array.name, array.width) for array in self._arrays if array.is_stepwise):
             self._emit(f'  %"shift.{name}" = mul i64 %k, {width}')
             rows = f'<{self._lanes} x ptr> %"rows.{name}"'
             self._emit(f'  %"now.{name}" = getelementptr {self._item}, {rows}, i64 %"shift.{name}"')
@@ -141,7 +141,7 @@ class _Writer:
                 self._scatter(f'%"now.trace.{name}"', index, self._value(value))
         for name, written in self._substep.following.items():
             for index, value in written.items():
-                self._keep(name, index, self._value(value))
+                self._store(name, index, self._value(value))
         self._emit("  br label %after\nafter:")
         self._emit(f"  %following = add i64 %k, 1\n  %more = icmp ult i64 %following, {self._steps}")
         self._emit("  br i1 %more, label %step, label %leave")
@@ -151,7 +151,7 @@ class _Writer:
         self._emit("leave:")
         for name, width in self._substep.state.items():
             for index in range(width):
-                self._scatter(f'%"rows.end.{name}"', index, self._kept(name, index))
+                self._scatter(f'%"rows.end.{name}"', index, self._load(name, index))
         self._emit(f"  %next = add i64 %robot, {self._lanes}\n  %others = icmp slt i64 %next, %last")
         self._emit("  br i1 %others, label %group, label %done\ndone:\n  ret void\n}")
 
@@ -160,24 +160,24 @@ class _Writer:
 
     def _robots(self) -> None:
         """The robots in the lanes, by index; surplus lanes repeat the last robot, with the same result."""
-        whole = f"<{self._lanes} x i64>"
+        indices = f"<{self._lanes} x i64>"
         lanes = ", ".join(f"i64 {lane}" for lane in range(self._lanes))
         for name, value in (("robot", "%robot"), ("final", "%final")):
-            self._emit(f"  %one.{name} = insertelement {whole} poison, i64 {value}, i32 0")
+            self._emit(f"  %one.{name} = insertelement {indices} poison, i64 {value}, i32 0")
             self._emit(
-                f"  %all.{name} = shufflevector {whole} %one.{name}, {whole} poison, <{self._lanes} x i32>"
-                " zeroinitializer"
+                f"  %all.{name} = shufflevector {indices} %one.{name}, {indices} poison,"
+                f" <{self._lanes} x i32> zeroinitializer"
             )
-        self._emit(f"  %wanted = add {whole} %all.robot, <{lanes}>")
-        self._emit(f"  %beyond = icmp sgt {whole} %wanted, %all.final")
-        self._emit(f"  %robots = select {self._flags} %beyond, {whole} %all.final, {whole} %wanted")
+        self._emit(f"  %wanted = add {indices} %all.robot, <{lanes}>")
+        self._emit(f"  %beyond = icmp sgt {indices} %wanted, %all.final")
+        self._emit(f"  %robots = select {self._flags} %beyond, {indices} %all.final, {indices} %wanted")
 
     def _rows(self, name: str, stride: int) -> None:
         """Addresses of the rows of the robots in the lanes."""
-        whole = f"<{self._lanes} x i64>"
+        indices = f"<{self._lanes} x i64>"
         strides = ", ".join([f"i64 {stride}"] * self._lanes)
-        self._emit(f'  %"start.{name}" = mul {whole} %robots, <{strides}>')
-        self._emit(f'  %"rows.{name}" = getelementptr {self._item}, ptr %"{name}", {whole} %"start.{name}"')
+        self._emit(f'  %"start.{name}" = mul {indices} %robots, <{strides}>')
+        self._emit(f'  %"rows.{name}" = getelementptr {self._item}, ptr %"{name}", {indices} %"start.{name}"')
 
     def _new(self) -> str:
         self._temporary += 1
@@ -189,24 +189,24 @@ class _Writer:
         return address
 
     def _gather(self, rows: str, index: int) -> str:
-        pointers, every = f"<{self._lanes} x ptr>", f"<{', '.join(['i1 true'] * self._lanes)}>"
-        name = f"@llvm.masked.gather.{self._short}.v{self._lanes}p0"
+        pointers, all_true = f"<{self._lanes} x ptr>", f"<{', '.join(['i1 true'] * self._lanes)}>"
+        name = f"@llvm.masked.gather.{self._suffix}.v{self._lanes}p0"
         self._declared.add(f"declare {self._vector} {name}({pointers}, i32, {self._flags}, {self._vector})")
         address, value = self._address(rows, index), self._new()
         self._emit(
             f"  {value} = call {self._vector} {name}({pointers} {address}, i32 {self._bytes},"
-            f" {self._flags} {every}, {self._vector} poison)"
+            f" {self._flags} {all_true}, {self._vector} poison)"
         )
         return value
 
     def _scatter(self, rows: str, index: int, value: str) -> None:
-        pointers, every = f"<{self._lanes} x ptr>", f"<{', '.join(['i1 true'] * self._lanes)}>"
-        name = f"@llvm.masked.scatter.{self._short}.v{self._lanes}p0"
+        pointers, all_true = f"<{self._lanes} x ptr>", f"<{', '.join(['i1 true'] * self._lanes)}>"
+        name = f"@llvm.masked.scatter.{self._suffix}.v{self._lanes}p0"
         self._declared.add(f"declare void {name}({self._vector}, {pointers}, i32, {self._flags})")
         address = self._address(rows, index)
         self._emit(
             f"  call void {name}({self._vector} {value}, {pointers} {address}, i32 {self._bytes},"
-            f" {self._flags} {every})"
+            f" {self._flags} {all_true})"
         )
 
     def _room(self, name: str, index: int) -> str:
@@ -214,19 +214,19 @@ class _Writer:
         self._emit(f'  {address} = getelementptr {self._vector}, ptr %"room.{name}", i64 {index}')
         return address
 
-    def _keep(self, name: str, index: int, value: str) -> None:
+    def _store(self, name: str, index: int, value: str) -> None:
         self._emit(f"  store {self._vector} {value}, ptr {self._room(name, index)}, align 64")
 
-    def _kept(self, name: str, index: int) -> str:
+    def _load(self, name: str, index: int) -> str:
         address, value = self._room(name, index), self._new()
         self._emit(f"  {value} = load {self._vector}, ptr {address}, align 64")
         return value
 
     def _input(self, name: str, array: str, index: int) -> None:
         if array in self._substep.state:
-            value = self._kept(array, index)
+            value = self._load(array, index)
         else:
-            rows = "now" if array in self._substep.stepwise else "rows"
+            rows = "now" if array in self._substep.step_inputs else "rows"
             value = self._gather(f'%"{rows}.{array}"', index)
         self._lines[-1] = self._lines[-1].replace(f"{value} =", f"{name} =")
 
@@ -247,7 +247,7 @@ class _Writer:
             self._node(node)
         any_lane = f"@llvm.vector.reduce.or.v{self._lanes}i1"
         self._declared.add(f"declare i1 {any_lane}({self._flags})")
-        self._emit(f"  %{name}.any = call i1 {any_lane}({self._flags} {self._value(loop.more)})")
+        self._emit(f"  %{name}.any = call i1 {any_lane}({self._flags} {self._value(loop.continues)})")
         self._emit(f"  %{name}.more = add i64 %{name}.turns, 1")
         self._emit(f"  %{name}.left = icmp ule i64 %{name}.more, {loop.max_repetitions}")
         self._emit(f"  %{name}.again = and i1 %{name}.any, %{name}.left")
@@ -262,12 +262,12 @@ class _Writer:
             return self._results[f"n{loop.number}", index]
         if isinstance(value, Expression):
             return f"%n{value.number}"
-        exact = struct.unpack("<Q", struct.pack("<d", float(self._dtype.type(value))))[0]
-        return f"<{', '.join([f'{self._item} 0x{exact:016X}'] * self._lanes)}>"
+        bits = struct.unpack("<Q", struct.pack("<d", float(self._dtype.type(value))))[0]
+        return f"<{', '.join([f'{self._item} 0x{bits:016X}'] * self._lanes)}>"
 
     def _node(self, node: Expression) -> None:
         """The lines of one operation."""
-        name, whole = f"%n{node.number}", self._vector
+        name, vector = f"%n{node.number}", self._vector
         if node.operation == "input":
             self._input(name, *node.operands)
             return
@@ -278,20 +278,20 @@ class _Writer:
             return
         a, *rest = (self._value(operand) for operand in node.operands)
         if node.operation in BINARY:
-            self._emit(f"  {name} = {BINARY[node.operation]} contract {whole} {a}, {rest[0]}")
+            self._emit(f"  {name} = {BINARY[node.operation]} contract {vector} {a}, {rest[0]}")
         elif node.operation in COMPARED:
             test = self._new()
-            self._emit(f"  {test} = fcmp {COMPARED[node.operation]} {whole} {a}, {rest[0]}")
-            self._emit(f"  {name} = select {self._flags} {test}, {whole} {a}, {whole} {rest[0]}")
+            self._emit(f"  {test} = fcmp {COMPARED[node.operation]} {vector} {a}, {rest[0]}")
+            self._emit(f"  {name} = select {self._flags} {test}, {vector} {a}, {vector} {rest[0]}")
         elif node.operation == "less":
-            self._emit(f"  {name} = fcmp olt {whole} {a}, {rest[0]}")
+            self._emit(f"  {name} = fcmp olt {vector} {a}, {rest[0]}")
         elif node.operation == "either":
             self._emit(f"  {name} = or {self._flags} {a}, {rest[0]}")
         elif node.operation == "where":
-            self._emit(f"  {name} = select {self._flags} {a}, {whole} {rest[0]}, {whole} {rest[1]}")
+            self._emit(f"  {name} = select {self._flags} {a}, {vector} {rest[0]}, {vector} {rest[1]}")
         elif node.operation == "negative":
-            self._emit(f"  {name} = fneg {whole} {a}")
+            self._emit(f"  {name} = fneg {vector} {a}")
         else:
-            function = f"@llvm.{UNARY[node.operation]}.{self._short}"
-            self._declared.add(f"declare {whole} {function}({whole})")
-            self._emit(f"  {name} = call {whole} {function}({whole} {a})")
+            function = f"@llvm.{UNARY[node.operation]}.{self._suffix}"
+            self._declared.add(f"declare {vector} {function}({vector})")
+            self._emit(f"  {name} = call {vector} {function}({vector} {a})")

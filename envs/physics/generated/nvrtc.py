@@ -16,8 +16,8 @@ class NvrtcError(Exception):
 def library() -> ctypes.CDLL:
     """The shared library; raises NvrtcError if there is none."""
     folders = [Path(entry) / "nvidia" for entry in sys.path if entry]
-    found = [path for folder in folders for path in sorted(folder.glob("*/lib/libnvrtc.so.*"))]
-    names = [str(path) for path in found if "alt" not in path.name]
+    paths = [path for folder in folders for path in sorted(folder.glob("*/lib/libnvrtc.so.*"))]
+    names = [str(path) for path in paths if "alt" not in path.name]
     system_library = ctypes.util.find_library("nvrtc")
     for name in [*names, *([system_library] if system_library else [])]:
         try:

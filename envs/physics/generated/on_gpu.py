@@ -49,8 +49,8 @@ def _kernel(substep_of: Any, steps: int, robots: int) -> str:
     digest = hashlib.sha256(f"{capability} {source}".encode()).hexdigest()
     name = f"footfall_control_step_{digest[:16]}"
     launch = Launch(len(inputs), len(outputs), -(-threads // THREADS), THREADS)
-    several = robots > 1  # one robot is traced for its shapes, and the kernel is seldom called
-    kernels.register(name, launch, lambda: nvrtc.compile_to_cubin(source, capability), at_once=several)
+    compile_now = robots > 1  # one robot is traced for its shapes, and the kernel is seldom called
+    kernels.register(name, launch, lambda: nvrtc.compile_to_cubin(source, capability), compile_now)
     return name
 
 
@@ -59,9 +59,9 @@ def run(substep_of: Any, steps: int, robots: int, arrays: list[jax.Array]) -> li
 
     Args:
         substep_of: returns the physics step; a cache key, so the same object for the same step.
-        steps: physics steps in it.
-        robots: their number.
-        arrays: arrays of each input, as `arguments` lists them.
+        steps: physics steps in a control step.
+        robots: number of robots.
+        arrays: the inputs, as `arguments` lists them.
     """
     _, outputs = arguments(substep_of())
     shapes = [jax.ShapeDtypeStruct(array.shape(robots, steps), jnp.float32) for array in outputs]

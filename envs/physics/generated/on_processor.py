@@ -64,25 +64,25 @@ def _function(substep_of: Any, steps: int, robots: int) -> str:
     inputs, outputs = arguments(substep_of())
     count = len(inputs) + len(outputs)
 
-    def launch(*given: Any) -> int:
+    def launch(*launch_arguments: Any) -> int:
         """Returns 0, or 1 on failure, which XLA reports as an error."""
         try:
-            parameters = given[-2]
+            parameters = launch_arguments[-2]
             pointers = [parameters[k][0] for k in range(count)]
-            shares = [_threads().submit(program.move, pointers, *share) for share in pairwise(bounds[1:])]
+            futures = [_threads().submit(program.move, pointers, *part) for part in pairwise(bounds[1:])]
             program.move(pointers, *bounds[:2])
-            for share in shares:
-                share.result()
+            for future in futures:
+                future.result()
         except Exception:
             return 1
         return 0
 
     launcher = handler.LAUNCHER(launch)
-    kept, address = handler.compiled(
+    engine, address = handler.compiled(
         Launch(len(inputs), len(outputs), parts, 1), handler.address_of(launcher), on_stream=False
     )
     jax.ffi.register_ffi_target(name, handler.capsule(address), platform="cpu")
-    _functions[name] = (launcher, kept)
+    _functions[name] = (launcher, engine)
     return name
 
 

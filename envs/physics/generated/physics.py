@@ -42,8 +42,8 @@ def generated_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
         shapes: tuple[tuple[str, tuple[int, ...]], ...], effects: tuple[str, ...]
     ) -> Callable[[], Substep]:
         write = substep_by_threads if jax.default_backend() == "gpu" else substep
-        made = write(model, robot, dict(shapes), SINGLE, effects)
-        return lambda: made
+        built = write(model, robot, dict(shapes), SINGLE, effects)
+        return lambda: built
 
     def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
         return _batched(step_of, ())(motion, drive, fields)
@@ -59,11 +59,11 @@ def _batched(step_of: Callable[..., Callable[[], Substep]], lead: tuple[int, ...
         return _control_step(step_of, lead, motion, drive, fields)
 
     @simulate.def_vmap
-    def _all(size: int, batched: Any, *given: Any) -> tuple[Any, Any]:
+    def _all(size: int, batched: Any, *operands: Any) -> tuple[Any, Any]:
         def with_axis(x: jax.Array, is_batched: bool) -> jax.Array:
             return x if is_batched else jnp.broadcast_to(jnp.asarray(x)[None], (size, *jnp.shape(x)))
 
-        results = _batched(step_of, (size, *lead))(*jax.tree.map(with_axis, given, tuple(batched)))
+        results = _batched(step_of, (size, *lead))(*jax.tree.map(with_axis, operands, tuple(batched)))
         return results, jax.tree.map(lambda _: True, results)
 
     return simulate
@@ -82,22 +82,23 @@ def _control_step(
     shapes = tuple((name, jnp.shape(value)[axes:]) for name, value in sorted(fields.items()))
     substep_of = step_of(shapes, effects)
     joints, steps = drive.target.shape[-1], drive.target.shape[-2]
-    held = {"kp": drive.kp, "kd": drive.kd, "encoder_bias": drive.encoder_bias}
-    held |= {f"motor.{name}": value for name, value in motor.items()}
-    held |= {f"lag.{name}": value for name, value in drive.lag._asdict().items()} if drive.lag else {}
-    named = motion._asdict() | fields | {"target": drive.target}
-    named |= {name: jnp.broadcast_to(value, (*lead, joints)) for name, value in held.items()}
+    fixed_inputs = {"kp": drive.kp, "kd": drive.kd, "encoder_bias": drive.encoder_bias}
+    fixed_inputs |= {f"motor.{name}": value for name, value in motor.items()}
+    fixed_inputs |= {f"lag.{name}": value for name, value in drive.lag._asdict().items()} if drive.lag else {}
+    inputs_by_name = motion._asdict() | fields | {"target": drive.target}
+    inputs_by_name |= {name: jnp.broadcast_to(value, (*lead, joints)) for name, value in fixed_inputs.items()}
     inputs, outputs = arguments(substep_of())
     arrays = [
-        jnp.asarray(named[array.name], jnp.float32).reshape(array.shape(robots, steps)) for array in inputs
+        jnp.asarray(inputs_by_name[array.name], jnp.float32).reshape(array.shape(robots, steps))
+        for array in inputs
     ]
-    where = on_gpu if jax.default_backend() == "gpu" else on_processor
-    results = where.run(substep_of, steps, robots, arrays)
-    found = {
+    back_end = on_gpu if jax.default_backend() == "gpu" else on_processor
+    results = back_end.run(substep_of, steps, robots, arrays)
+    by_name = {
         array.name: result.reshape((*lead, *array.shape(1, steps)[1:]))
         for array, result in zip(outputs, results, strict=True)
     }
-    points = found["trace.foot_position"]
-    found["trace.foot_position"] = points.reshape((*points.shape[:-1], -1, 3))
-    end = Motion(*(found.get(f"end.{name}") for name in Motion._fields))
-    return end, Trace(*(found[f"trace.{name}"] for name in Trace._fields))
+    points = by_name["trace.foot_position"]
+    by_name["trace.foot_position"] = points.reshape((*points.shape[:-1], -1, 3))
+    end = Motion(*(by_name.get(f"end.{name}") for name in Motion._fields))
+    return end, Trace(*(by_name[f"trace.{name}"] for name in Trace._fields))

@@ -30,7 +30,7 @@ class Rows(NamedTuple):
     weight: Scalar  # D of all its rows; 0 without contact
     reference: tuple[Scalar, ...]  # minus the reference acceleration, along normal and tangents
     pair: Pair | None = None  # of a contact between two limbs: the Jacobian is this limb's part of it
-    cone: Cone | None = None  # then `weight` is that of the normal's row
+    cone: Cone | None = None  # with a cone, `weight` is D of the normal's row
 
     def edges(self, along: list[Scalar]) -> list[Scalar]:
         """Values along the edges of the friction pyramid, if any, from values along normal and tangents."""
@@ -77,8 +77,8 @@ def contact_rows(
     stiffness, damping = _spring(geom_pair.solref, geom_pair.solimp, model.opt.timestep)
     reference = [damping * speed for speed in speeds]
     reference[0] = reference[0] + stiffness * (impedance * depth)
-    # Regularisation R = (1 - d) / d times the diagonal of A, estimated from the bodies' inverse weights; of
-    # a pyramid 2 mu^2 times that of its first row, and its weight D = 1 / R.
+    # Regularisation R = (1 - d) / d times the diagonal of A, which the bodies' inverse weights approximate.
+    # For a pyramid, R is 2 mu^2 times R of its first row. The weight is D = 1 / R.
     inverse_weight = sum(float(model.body_invweight0[model.geom_bodyid[geom]][0]) for geom in geom_pair.geoms)
     frictions: tuple[Scalar, ...] = ()
     scale: Scalar = inverse_weight
@@ -90,8 +90,8 @@ def contact_rows(
     elif frictions:
         square = frictions[0] * frictions[0]
         scale = inverse_weight * (1.0 + square) * (2.0 * square)
-    resistance = maximum(scale * (1.0 - impedance) / impedance, TINY)
-    weight = where(less(depth, 0.0), where(less(0.0, contact.excess), 0.0, 1.0 / resistance), 0.0)
+    regularisation = maximum(scale * (1.0 - impedance) / impedance, TINY)
+    weight = where(less(depth, 0.0), where(less(0.0, contact.excess), 0.0, 1.0 / regularisation), 0.0)
     if pair is not None:
         weight = weight * part.number(0.0 if pair.number is None else 0.5)
     elif all(dof < BASE_DOFS for row in jacobian for dof in row):
@@ -121,8 +121,8 @@ def limit_rows(
         impedance = _impedance(absolute(distance), solimp)
         stiffness, damping = _spring(solref, solimp, model.opt.timestep)
         reference = damping * (sign * velocity[dof]) + stiffness * (impedance * distance)
-        resistance = maximum(float(model.dof_invweight0[hinge.dof]) * (1.0 - impedance) / impedance, TINY)
-        yield Rows(({dof: sign},), (), where(less(distance, 0.0), 1.0 / resistance, 0.0), (reference,))
+        regularisation = maximum(float(model.dof_invweight0[hinge.dof]) * (1.0 - impedance) / impedance, TINY)
+        yield Rows(({dof: sign},), (), where(less(distance, 0.0), 1.0 / regularisation, 0.0), (reference,))
 
 
 def geom_friction(model: mujoco.MjModel, geoms: tuple[int, int], friction: np.ndarray) -> Scalar:
@@ -135,8 +135,8 @@ def geom_friction(model: mujoco.MjModel, geoms: tuple[int, int], friction: np.nd
     """
     one, two = (friction[geom, 0] for geom in geoms)
     first, second = (int(model.geom_priority[geom]) for geom in geoms)
-    chosen = maximum(one, two) if first == second else (one if first > second else two)
-    return maximum(chosen, MIN_FRICTION)
+    coefficient = maximum(one, two) if first == second else (one if first > second else two)
+    return maximum(coefficient, MIN_FRICTION)
 
 
 def _signs(
@@ -146,7 +146,7 @@ def _signs(
     geoms: tuple[int, int] = geom_pair.geoms
     signs: list[Scalar] = [-1.0, 1.0]
     if pair is not None:
-        geoms, signs[1 - pair.side] = pair.own, 0.0  # the other geom is the partner's
+        geoms, signs[1 - pair.side] = pair.own_geoms, 0.0  # the other geom belongs to the partner
         signs = [part.number(sign) for sign in signs]
     bodies = [int(model.geom_bodyid[geom]) for geom in geoms]
     return [(body, sign) for body, sign in zip(bodies, signs, strict=True) if body in part.tree.bodies]
@@ -163,16 +163,16 @@ def _row(
     """Row of the relative speed along a direction: the second geom's contact point minus the first's."""
     row: Row = {}
     for body, sign in signs:
-        parts: Row = {}
+        entries: Row = {}
         if len(signs) == 1:  # the base moves both ends of a contact within the robot alike
-            parts = dict(enumerate((*direction, *cross(contact.position, direction))))
+            entries = dict(enumerate((*direction, *cross(contact.position, direction))))
         for link in tree.chain(tree.bodies[body].link):
             pose = poses[link]
             axis = pose.turn @ tree.hinges[link].axis
-            parts[BASE_DOFS + link] = direction @ cross(axis, contact.position - pose.position)
-        for dof, part in parts.items():
-            row[dof] = row.get(dof, 0.0) + sign * part
-    return {dof: part for dof, part in row.items() if not (isinstance(part, float) and part == 0.0)}
+            entries[BASE_DOFS + link] = direction @ cross(axis, contact.position - pose.position)
+        for dof, entry in entries.items():
+            row[dof] = row.get(dof, 0.0) + sign * entry
+    return {dof: entry for dof, entry in row.items() if not (isinstance(entry, float) and entry == 0.0)}
 
 
 def _impedance(depth: Scalar, solimp: Sequence[float]) -> Scalar:
@@ -192,5 +192,5 @@ def _spring(solref: Sequence[float], solimp: Sequence[float], timestep_s: float)
     width = min(max(solimp[1], MIN_IMPEDANCE), MAX_IMPEDANCE)
     if first <= 0.0:
         return -first / width**2, -second / width
-    constant = max(first, 2.0 * timestep_s)  # MuJoCo's refsafe
-    return 1.0 / max(TINY, (width * constant * second) ** 2), 2.0 / max(TINY, width * constant)
+    time_constant_s = max(first, 2.0 * timestep_s)  # MuJoCo's refsafe
+    return 1.0 / max(TINY, (width * time_constant_s * second) ** 2), 2.0 / max(TINY, width * time_constant_s)

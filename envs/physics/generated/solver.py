@@ -39,13 +39,13 @@ def newton_step(
     warm = previous, product(mass, previous), _residuals(contacts, previous, part, reference=True)
     cold = smooth, force, _residuals(contacts, smooth, part, reference=True)
     gauss = 0.5 * dot(_difference(warm[1], force), _difference(previous, smooth))
-    warmer = less(part.total(_cost(contacts, warm[2]) + gauss), part.total(_cost(contacts, cold[2])))
+    warm_is_cheaper = less(part.total(_cost(contacts, warm[2]) + gauss), part.total(_cost(contacts, cold[2])))
     start, momentum = (
-        [where(warmer, a, b) for a, b in zip(*pair, strict=True)]
+        [where(warm_is_cheaper, a, b) for a, b in zip(*pair, strict=True)]
         for pair in zip(warm[:2], cold[:2], strict=True)
     )
     residuals = [
-        [where(warmer, a, b) for a, b in zip(*pair, strict=True)]
+        [where(warm_is_cheaper, a, b) for a, b in zip(*pair, strict=True)]
         for pair in zip(warm[2], cold[2], strict=True)
     ]
     smooth_gradient = _difference(momentum, force)
@@ -62,14 +62,14 @@ def _difference(a: list[Scalar], b: list[Scalar]) -> list[Scalar]:
 
 def _residuals(contacts: list[Rows], x: list[Scalar], part: Part, reference: bool) -> list[list[Scalar]]:
     """J x of each contact's rows; with `reference`, minus the reference acceleration."""
-    found = []
+    of_contacts = []
     for contact in contacts:
         along = [sum((j * x[dof] for dof, j in row.items()), start=0.0) for row in contact.jacobian]
         along = [part.of_both(value, contact.pair) for value in along]
         if reference:
             along = [value + r for value, r in zip(along, contact.reference, strict=True)]
-        found.append(contact.edges(along))
-    return found
+        of_contacts.append(contact.edges(along))
+    return of_contacts
 
 
 def _cost(contacts: list[Rows], residuals: list[list[Scalar]]) -> Scalar:
@@ -96,8 +96,8 @@ def _search(
     other: with s the root of D of an active row J, (H + s^2 J^T J) x = g is
     [[-1, s J], [s J^T, H]] (y, x) = (0, g).
     """
-    gradient, hessian, first = list(smooth_gradient), dict(mass), part.num_pairs
-    columns: Symmetric = {(k, k): -part.share for k in range(first)}
+    gradient, hessian, num_pairs = list(smooth_gradient), dict(mass), part.num_pairs
+    system: Symmetric = {(k, k): -part.share for k in range(num_pairs)}
     for contact, residual in zip(contacts, residuals, strict=True):
         if contact.pair is None:
             _add_contact(gradient, hessian, contact, residual)
@@ -107,13 +107,13 @@ def _search(
         root = sqrt(where(less(value, 0.0), weight, 0.0))
         for dof, j in row.items():
             gradient[dof] = gradient[dof] + j * (weight * minimum(value, 0.0))
-            for k in range(first):
-                own = part.number(float(k == contact.pair.number))
-                columns[first + dof, k] = columns.get((first + dof, k), 0.0) + own * (root * j)
-    columns |= {(first + i, first + j): value for (i, j), value in hessian.items()}
-    rhs = [*[0.0] * first, *gradient]
-    solution = Factor(columns, len(rhs), first + BASE_DOFS, part.total).solve(rhs)
-    return [-x for x in solution[first:]]
+            for k in range(num_pairs):
+                is_own = part.number(float(k == contact.pair.number))
+                system[num_pairs + dof, k] = system.get((num_pairs + dof, k), 0.0) + is_own * (root * j)
+    system |= {(num_pairs + i, num_pairs + j): value for (i, j), value in hessian.items()}
+    rhs = [*[0.0] * num_pairs, *gradient]
+    solution = Factor(system, len(rhs), num_pairs + BASE_DOFS, part.total).solve(rhs)
+    return [-x for x in solution[num_pairs:]]
 
 
 def _add_contact(gradient: list[Scalar], hessian: Symmetric, contact: Rows, residual: list[Scalar]) -> None:
@@ -171,13 +171,13 @@ def _line_search(
     """
     rows = [
         (residual, step, contact.weight * step, contact.weight * step * step)
-        for contact, some, steps in zip(contacts, residuals, change, strict=True)
+        for contact, values, steps in zip(contacts, residuals, change, strict=True)
         if contact.cone is None
-        for residual, step in zip(some, steps, strict=True)
+        for residual, step in zip(values, steps, strict=True)
     ]
     cones = [
-        contact.cone.along(contact.weight, some, steps)
-        for contact, some, steps in zip(contacts, residuals, change, strict=True)
+        contact.cone.along(contact.weight, values, steps)
+        for contact, values, steps in zip(contacts, residuals, change, strict=True)
         if contact.cone is not None
     ]
 
@@ -185,20 +185,20 @@ def _line_search(
         length, low, high = values
         first, second = part.share * (slope + length * curvature), part.share * curvature
         for residual, step, weighted, square in rows:
-            there = residual + length * step
-            first = first + weighted * minimum(there, 0.0)
-            second = second + where(less(there, 0.0), square, 0.0)
+            value = residual + length * step
+            first = first + weighted * minimum(value, 0.0)
+            second = second + where(less(value, 0.0), square, 0.0)
         for derivatives in cones:
-            one, two = derivatives(length)
-            first, second = first + one, second + two
+            cone_slope, cone_curvature = derivatives(length)
+            first, second = first + cone_slope, second + cone_curvature
         first, second = part.total(first), part.total(second)
-        before = less(first, 0.0)
-        low, high = where(before, length, low), where(before, high, length)
+        is_below_root = less(first, 0.0)
+        low, high = where(is_below_root, length, low), where(is_below_root, high, length)
         following = length - first / maximum(second, 1e-20)
         middle = 0.5 * (low + high)
         following = where(less(following, low), middle, where(less(high, following), middle, following))
-        moved = less(rounding * absolute(following), absolute(following - length))
-        return [following, low, high], moved
+        continues = less(rounding * absolute(following), absolute(following - length))
+        return [following, low, high], continues
 
     steps = CONE_SEARCH_STEPS if cones else LINE_SEARCH_STEPS
     return slope.graph.repeat(steps, [0.0, 0.0, 1e10], newton)[0]

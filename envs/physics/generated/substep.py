@@ -12,7 +12,7 @@ from footfall.envs.physics.generated.contacts import Geometry, LinkPose
 from footfall.envs.physics.generated.dynamics import Inertia, body_inertia, dynamics
 from footfall.envs.physics.generated.expression import Graph, Scalar, cos, nearest, sin, sqrt
 from footfall.envs.physics.generated.geom_pairs import PLANE
-from footfall.envs.physics.generated.limbs import Part, whole
+from footfall.envs.physics.generated.limbs import Part, whole_robot
 from footfall.envs.physics.generated.rows import contact_rows, geom_friction, limit_rows
 from footfall.envs.physics.generated.solver import newton_step
 from footfall.envs.physics.generated.tree import BASE, BASE_DOFS, Tree, read_tree, rotation
@@ -41,8 +41,8 @@ class Substep(NamedTuple):
     """
 
     state: dict[str, int]  # width of each array carried from step to step, by the field's name in Motion
-    held: dict[str, int]  # width of each array that is constant during a control step
-    stepwise: dict[str, int]  # width of each array with a row for each physics step
+    fixed_inputs: dict[str, int]  # width of each array that is constant during a control step
+    step_inputs: dict[str, int]  # width of each array with a row for each physics step
     following: dict[str, Values]  # the state after the step
     trace: dict[str, Values]  # results of the step, by the field's name in Trace
     limbs: int = 1  # number of programs for each robot
@@ -74,7 +74,7 @@ def substep(
         effects: optional fields of `Motor` that the motors have.
         part: the limb that the program is for, or the whole robot.
     """
-    part = part or whole(model, read_tree(model))
+    part = part or whole_robot(model, read_tree(model))
     graph, count = part.graph, len(robot.joint_names)
     state = {"qpos": model.nq, "qvel": model.nv, "qacc_warmstart": model.nv}
     if "lag_s" in effects:
@@ -85,20 +85,20 @@ def substep(
     places |= {"qpos": [*range(7), *(hinge.dof + 1 for hinge in part.tree.hinges)]}
     places |= dict.fromkeys(("torque", "lagged_torque"), joints)
     motion = Motion(**{name: vector(*(graph.input(name, k) for k in places[name])) for name in state})
-    held = dict.fromkeys(("kp", "kd", "encoder_bias", *_motor_inputs(effects)), count)
-    held |= {name: math.prod(shape) for name, shape in fields.items()}
+    fixed_inputs = dict.fromkeys(("kp", "kd", "encoder_bias", *_motor_inputs(effects)), count)
+    fixed_inputs |= {name: math.prod(shape) for name, shape in fields.items()}
     values = {name: graph.inputs(name, *shape) for name, shape in fields.items()}
 
     def field(name: str) -> np.ndarray:
         return values[name] if name in values else getattr(model, name)
 
     drives = [_drive(graph, joint, effects) for joint in joints]
-    before = [None] * len(joints) if motion.lagged_torque is None else motion.lagged_torque
+    torques_before = [None] * len(joints) if motion.lagged_torque is None else motion.lagged_torque
     coordinates = [part.tree.dofs.index(dof) for dof in dofs[joints]]
     timestep_s = float(model.opt.timestep)
     efforts = [
         joint_effort(drive, drive.target, motion.qpos[k + 1], motion.qvel[k], timestep_s, torque_before)
-        for drive, k, torque_before in zip(drives, coordinates, before, strict=True)
+        for drive, k, torque_before in zip(drives, coordinates, torques_before, strict=True)
     ]
     torque: list[Scalar] = [0.0] * len(part.tree.dofs)
     inertia = list(field("dof_armature")[part.tree.dofs])
@@ -111,16 +111,16 @@ def substep(
     following, feet = _step(
         model, robot, part, motion, torque, inertia, field, values.get(GROUND), gravity, precision
     )
-    after = following._replace(lagged_torque=[effort.lagged_torque for effort in efforts])
+    end = following._replace(lagged_torque=[effort.lagged_torque for effort in efforts])
 
     def placed(name: str, values: Sequence[Scalar]) -> Values:
         return dict(zip(places[name], values, strict=True))
 
     return Substep(
         state=state,
-        held=held,
-        stepwise={"target": count},
-        following={name: placed(name, getattr(after, name)) for name in state},
+        fixed_inputs=fixed_inputs,
+        step_inputs={"target": count},
+        following={name: placed(name, getattr(end, name)) for name in state},
         trace={
             "qpos": placed("qpos", following.qpos),
             "qvel": placed("qvel", following.qvel),
@@ -171,17 +171,19 @@ def _step(
         sine, cosine = precision.sin_cos(angle - hinge.zero_rad)
         turns.append(hinge.rotation @ turned_about(hinge.axis, sine, cosine))
 
-    found = dynamics(tree, turns, _inertias(model, part, field), qvel[3:6], list(qvel[6:]), to_base @ gravity)
-    mass = dict(found.mass)
+    unconstrained = dynamics(
+        tree, turns, _inertias(model, part, field), qvel[3:6], list(qvel[6:]), to_base @ gravity
+    )
+    mass = dict(unconstrained.mass)
     for dof in range(len(qvel)):
         mass[dof, dof] = mass[dof, dof] + armature[dof]
-    force = [t - b for t, b in zip(torque, found.bias, strict=True)]
+    force = [t - b for t, b in zip(torque, unconstrained.bias, strict=True)]
     for link, hinge in enumerate(tree.hinges):
         passive = hinge.stiffness * (hinge.relaxed_rad - angles[link]) - hinge.damping * qvel[6 + link]
         force[6 + link] = force[6 + link] + passive
 
     geometry = Geometry(model, tree, _poses(tree, turns), base_turn, qpos[:3])
-    speed, warm = _in_base(to_base, qvel), _in_base(to_base, motion.qacc_warmstart)
+    velocity_in_base, warmstart = _in_base(to_base, qvel), _in_base(to_base, motion.qacc_warmstart)
     points = np.concatenate(foot_geoms(model, robot.description)).tolist()
     rows = []
     for geom_pair in part.geom_pairs:
@@ -190,13 +192,13 @@ def _step(
         plane = ground[points.index(two)] if on_ground and ground is not None else None
         friction = geom_friction(model, geom_pair.geoms, field("geom_friction"))
         for contact in geometry.contacts(geom_pair, plane):
-            rows.append(contact_rows(contact, model, part, geometry.poses, speed, friction))
+            rows.append(contact_rows(contact, model, part, geometry.poses, velocity_in_base, friction))
     for pair in part.pairs:
         contact = geometry.between_limbs(pair, part)
-        rows.append(contact_rows(contact, model, part, geometry.poses, speed, 0.0, pair))
-    rows.extend(limit_rows(model, tree, angles, speed))
+        rows.append(contact_rows(contact, model, part, geometry.poses, velocity_in_base, 0.0, pair))
+    rows.extend(limit_rows(model, tree, angles, velocity_in_base))
 
-    acceleration = warm
+    acceleration = warmstart
     for _ in range(model.opt.iterations):
         acceleration = newton_step(mass, force, acceleration, rows, precision.rounding, part)
     linear = base_turn @ vector(*acceleration[:3])
@@ -204,25 +206,25 @@ def _step(
     velocity = [v + timestep_s * a for v, a in zip(qvel, acceleration, strict=True)]
     position = [x + timestep_s * v for x, v in zip(qpos[:3], velocity[:3], strict=True)]
     quaternion = _turned(qpos[3:7], vector(*velocity[3:6]) * timestep_s)
-    moved = [q + timestep_s * v for q, v in zip(angles, velocity[6:], strict=True)]
+    new_angles = [q + timestep_s * v for q, v in zip(angles, velocity[6:], strict=True)]
     feet: Values = {
         3 * k + axis: x
         for k, point in enumerate(points)
         if int(model.geom_bodyid[point]) in tree.bodies
         for axis, x in enumerate(geometry.in_world(geometry.centre(point)))
     }
-    return Motion([*position, *quaternion, *moved], velocity, acceleration), feet
+    return Motion([*position, *quaternion, *new_angles], velocity, acceleration), feet
 
 
 def _inertias(model: mujoco.MjModel, part: Part, field: Callable[[str], np.ndarray]) -> dict[int, Inertia]:
     """Inertia of each link and of the part's share of the base, in the link's frame."""
     masses, centres, principal = field("body_mass"), field("body_ipos"), field("body_inertia")
-    found: dict[int, Inertia] = {}
+    inertias: dict[int, Inertia] = {}
     for body, (link, turn, position) in part.tree.bodies.items():
-        own = body_inertia(masses[body], centres[body], rotation(model.body_iquat[body]), principal[body])
-        own = own.seen_from(turn, position)
-        found[link] = found[link] + own if link in found else own
-    return found | {BASE: found[BASE].part(part.share)}
+        inertia = body_inertia(masses[body], centres[body], rotation(model.body_iquat[body]), principal[body])
+        inertia = inertia.seen_from(turn, position)
+        inertias[link] = inertias[link] + inertia if link in inertias else inertia
+    return inertias | {BASE: inertias[BASE].part(part.share)}
 
 
 def _poses(tree: Tree, turns: list[np.ndarray]) -> dict[int, LinkPose]:
@@ -241,7 +243,7 @@ def _in_base(to_base: np.ndarray, values: np.ndarray) -> list[Scalar]:
 def _turned(quaternion: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """A unit quaternion after a rotation by this vector in the body's frame, rad.
 
-    Cosine and sine of the half angle, the latter over the angle, are power series: within 1e-9 at 1 rad.
+    For the half angle h, cos(h) and sin(h) / h are power series in h^2: within 1e-9 for a rotation of 1 rad.
     """
     half = angle * 0.5
     square = half @ half

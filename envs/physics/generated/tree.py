@@ -67,11 +67,11 @@ class Tree(NamedTuple):
 
     def chain(self, link: int) -> list[int]:
         """The links from the base to this one, without the base."""
-        found = []
+        links = []
         while link != BASE:
-            found.append(link)
+            links.append(link)
             link = self.hinges[link].parent
-        return found[::-1]
+        return links[::-1]
 
 
 def rotation(quaternion: np.ndarray) -> np.ndarray:
@@ -123,8 +123,8 @@ def refusals(model: mujoco.MjModel) -> Iterator[str]:
     if len(free) != 1:
         yield f"{len(free)} free joints"
     else:
-        elsewhere = model.body_rootid[model.jnt_bodyid] != model.jnt_bodyid[free[0]]
-        for joint in np.flatnonzero(is_hinge & elsewhere):
+        is_off_robot = model.body_rootid[model.jnt_bodyid] != model.jnt_bodyid[free[0]]
+        for joint in np.flatnonzero(is_hinge & is_off_robot):
             yield f"joint '{model.joint(joint).name}', which is not on the robot"
     for joint in np.flatnonzero(~is_free & ~is_hinge):
         yield f"joint '{model.joint(joint).name}', which is no hinge"

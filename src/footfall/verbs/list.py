@@ -122,13 +122,15 @@ def _presets() -> Rows:
 
 def _terms() -> Rows:
     with needs_extra("train", "the list of terms needs"):
-        from footfall.envs.catalogue import catalogue, shown
+        from footfall.envs.catalogue import catalogue, default_and_limits
 
     return [
         {
             "kind": term.kind,
             "name": term.name,
-            "parameters": ", ".join(f"{name}: {shown(each)}" for name, each in term.parameters.items()),
+            "parameters": ", ".join(
+                f"{name}: {default_and_limits(each)}" for name, each in term.parameters.items()
+            ),
             "about": term.about,
         }
         for term in catalogue()
