@@ -98,12 +98,12 @@ class InProcessBus:
         return self._wires.send(Side.HOST, frames, now_us)
 
     def receive(self, now_us: int) -> list[Frames]:
-        begun = time.thread_time()
+        start_s = time.thread_time()
         for frames in self._wires.receive(Side.ROBOT, now_us):
             if (answers := self._robot.answers(frames)) is not None:
                 self._wires.send(Side.ROBOT, answers, now_us - PERIOD_US)
         self._wires.send(Side.ROBOT, self._robot.inertial(), now_us - PERIOD_US)
-        self.elsewhere_s += time.thread_time() - begun
+        self.elsewhere_s += time.thread_time() - start_s
         return self._wires.receive(Side.HOST, now_us)
 
     def fault(self) -> str:
@@ -129,15 +129,15 @@ class TimedBus:
         return getattr(self._bus, "elsewhere_s", 0.0)
 
     def send(self, frames: Frames, now_us: int) -> int:
-        begun = time.thread_time()
+        start_s = time.thread_time()
         refused = self._bus.send(frames, now_us)
-        self.spent_s += time.thread_time() - begun
+        self.spent_s += time.thread_time() - start_s
         return refused
 
     def receive(self, now_us: int) -> list[Frames]:
-        begun = time.thread_time()
+        start_s = time.thread_time()
         arrived = self._bus.receive(now_us)
-        self.spent_s += time.thread_time() - begun
+        self.spent_s += time.thread_time() - start_s
         return arrived
 
 
@@ -193,12 +193,12 @@ def interface_of(kind: str) -> str:
 def calibration_ms() -> float:
     """Processor time of a loop that resembles the control loop, ms: Python arithmetic and small arrays."""
     values, total = np.linspace(-1.0, 1.0, 12), 0.0
-    begun = time.thread_time()
+    start_s = time.thread_time()
     for round_ in range(2000):
         for number in range(20):
             total += (round_ ^ number) & 7
         total += float((values * round_ + values).clip(-1.0, 1.0).sum())
-    return (time.thread_time() - begun) * 1e3
+    return (time.thread_time() - start_s) * 1e3
 
 
 def open_bus(robot: Robot, kind: str) -> Bus:

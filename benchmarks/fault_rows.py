@@ -133,13 +133,13 @@ def _worst(row: dict[str, Any]) -> str:
     """The limit that a command exceeded, if any."""
     if row["group"] == "at the start" and not row["stiff"]:
         return "no stiffness"
-    over = []
+    exceeded = []
     if row["torque_over"] > ROUNDING:
-        over.append(f"torque over by {row['torque_over']:.0%} of the peak")
+        exceeded.append(f"torque over by {row['torque_over']:.0%} of the peak")
     if row["outside_rad"] > 1e-3:
-        over.append(f"target {row['outside_rad']:.2f} rad outside")
+        exceeded.append(f"target {row['outside_rad']:.2f} rad outside")
     if row["rate_share"] > 1.01:
-        over.append(f"target at {row['rate_share']:.1f} times its rate")
+        exceeded.append(f"target at {row['rate_share']:.1f} times its rate")
     if row["stiff_when_damped"]:
-        over.append("stiffness while damped")
-    return ", ".join(over) or "within"
+        exceeded.append("stiffness while damped")
+    return ", ".join(exceeded) or "within"

@@ -222,5 +222,5 @@ def draws_of(seed: int, title: str) -> np.random.Generator:
 
 def config_of(robot: Robot) -> DeployConfig:
     """The robot's own limits; standing up and damping are short, to save time over many runs."""
-    own = deploy_config(robot)
-    return replace(own, stand_s=STAND_S, safety=replace(own.safety, damping_s=DAMPING_S))
+    config = deploy_config(robot)
+    return replace(config, stand_s=STAND_S, safety=replace(config.safety, damping_s=DAMPING_S))

@@ -78,9 +78,9 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
         for subject in chosen
         for kind in HEALTHY
     ]
-    how = (options.out, options.workers, options.time_limit)
-    runs, errors = run_resumable(run_fault, faults, *how)
-    walks, healthy_errors = run_resumable(run_healthy, healthy, *how)
+    run_options = (options.out, options.workers, options.time_limit)
+    runs, errors = run_resumable(run_fault, faults, *run_options)
+    walks, healthy_errors = run_resumable(run_healthy, healthy, *run_options)
     return runs, walks, [*errors, *healthy_errors]
 
 

@@ -135,7 +135,7 @@ def fuzz_policies(seeds: range) -> Tally:
     import onnx
 
     tally, robot = Tally(), load_robot(ROBOT)
-    whole = (ZOO / POLICY / "policy.onnx").read_bytes()
+    original = (ZOO / POLICY / "policy.onnx").read_bytes()
     zero, upright, joints = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(len(robot.joint_names))
     still = Sensed(zero, zero, upright, joints, joints, joints)
     inputs = PolicyInput(0.0, still, np.zeros(3), np.zeros(3), 0.3)
@@ -150,9 +150,9 @@ def fuzz_policies(seeds: range) -> Tally:
         for seed in seeds:
             rng = np.random.default_rng(seed)
             if seed % 2:
-                path.write_bytes(mutated(whole, rng))
+                path.write_bytes(mutated(original, rng))
             else:
-                model = onnx.load_from_string(whole)
+                model = onnx.load_from_string(original)
                 for each in model.metadata_props:
                     contract = yaml.safe_load(each.value) if each.key == CONTRACT_KEY else None
                     if contract is not None:

@@ -54,21 +54,21 @@ class PlaygroundPolicy:
     rate_hz = RATE_HZ
     needs_estimate = True
 
-    def __init__(self, kept: SavedActors, index: int, robot: Robot) -> None:
-        self.name = f"playground after {kept.time_s[index]:.0f} s"
-        mean, deviation, *layers = kept.actors[index]
+    def __init__(self, saved: SavedActors, index: int, robot: Robot) -> None:
+        self.name = f"playground after {saved.time_s[index]:.0f} s"
+        mean, deviation, *layers = saved.actors[index]
         self._mean, self._deviation = mean, deviation
         self._layers = list(zip(layers[::2], layers[1::2], strict=True))
-        self._order = np.array([robot.joint_index(name) for name in kept.joints])
+        self._order = np.array([robot.joint_index(name) for name in saved.joints])
         self._inverse_order = np.argsort(self._order)
-        self._kept, self._count = kept, len(kept.joints)
+        self._saved, self._count = saved, len(saved.joints)
         self._last_action = np.zeros(self._count)
 
     def reset(self, inputs: PolicyInput) -> None:
         self._last_action = np.zeros(self._count)
 
     def act(self, inputs: PolicyInput) -> JointCommand:
-        kept, sensed = self._kept, inputs.sensed
+        saved, sensed = self._saved, inputs.sensed
         w, x, y, z = sensed.quaternion
         gravity = [2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1]
         state = np.concatenate(
@@ -76,17 +76,17 @@ class PlaygroundPolicy:
                 inputs.base_velocity,
                 sensed.gyro,
                 gravity,
-                sensed.joint_position[self._order] - kept.default_pose,
+                sensed.joint_position[self._order] - saved.default_pose,
                 sensed.joint_velocity[self._order],
                 self._last_action,
                 inputs.command,
             ]
         )
         self._last_action = action = self._actor(state)
-        target = (kept.default_pose + kept.action_scale * action)[self._inverse_order]
+        target = (saved.default_pose + saved.action_scale * action)[self._inverse_order]
         zeros = np.zeros(self._count)
         return JointCommand(
-            target, zeros, np.full(self._count, kept.kp), np.full(self._count, kept.kd), zeros
+            target, zeros, np.full(self._count, saved.kp), np.full(self._count, saved.kd), zeros
         )
 
     def stance(self) -> None:

@@ -157,16 +157,16 @@ def in_another_process(work: Callable[..., None], *arguments: Any) -> Iterator[l
     """Run one of these functions in another process; yields a list that gets its last message at the end."""
     context = get_context("spawn")
     last_message: list[Any] = []
-    here, there = context.Pipe()
-    process = context.Process(target=work, args=(*arguments, there), daemon=True)
+    parent_end, child_end = context.Pipe()
+    process = context.Process(target=work, args=(*arguments, child_end), daemon=True)
     process.start()
-    there.close()
-    here.recv()
+    child_end.close()
+    parent_end.recv()
     try:
         yield last_message
     finally:
-        here.send("stop")
-        last_message.append(here.recv())
+        parent_end.send("stop")
+        last_message.append(parent_end.recv())
         process.join()
 
 

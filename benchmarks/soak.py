@@ -229,8 +229,10 @@ def main() -> int:
         if minutes:  # in a separate process, whose memory is measured
             task = (kind, minutes, options.seed, *subject)
             remaining_s = max(end_s - time.monotonic(), 0.0)
-            runs, more = run_resumable(partial(long_run, end_s=end_s), [task], options.out, 1, remaining_s)
-            parts, errors = parts + runs, errors + more
+            runs, run_errors = run_resumable(
+                partial(long_run, end_s=end_s), [task], options.out, 1, remaining_s
+            )
+            parts, errors = parts + runs, errors + run_errors
     for each in parts:
         print(json.dumps(each), flush=True)
     for line in errors:

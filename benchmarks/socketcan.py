@@ -115,12 +115,12 @@ def robot(name: str, bus: str, slow: bool) -> None:
 
 def watch(body: Any, ended: threading.Event) -> None:
     """Report motors that are enabled or disabled."""
-    before = -1
+    previous = -1
     while not ended.wait(0.005):
-        on = int(body.motors_on.sum())
-        if on != before:
-            report(motors_on=on)
-            before = on
+        enabled = int(body.motors_on.sum())
+        if enabled != previous:
+            report(motors_on=enabled)
+            previous = enabled
 
 
 def report(**content: Any) -> None:

@@ -82,13 +82,13 @@ def initramfs(tree: Path, version: str, init: str, folder: Path) -> Path:
     shutil.copy(busybox, base / "bin" / "busybox")
     loads: list[str] = []
     for module in MODULES:
-        shown = subprocess.run(
+        dependencies = subprocess.run(
             ["modprobe", "-d", str(tree), "-S", version, "--show-depends", module],
             capture_output=True,
             text=True,
             check=True,
         )
-        for line in shown.stdout.splitlines():
+        for line in dependencies.stdout.splitlines():
             if line.startswith("insmod "):
                 file = Path(line.split()[1])
                 if f"insmod /modules/{file.name}" not in loads:

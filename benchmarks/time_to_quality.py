@@ -118,12 +118,12 @@ def kept_policies(folder: Path) -> dict[str, tuple[str, float, int]]:
             found[policy] = (index.parent.name, entry["time_s"], entry["steps"])
     playground_file = folder / f"{PLAYGROUND}.npz"
     if playground_file.exists():
-        kept = load_actors(playground_file)
-        for snapshot in range(1, len(kept.time_s)):  # the first policy is untrained
+        saved = load_actors(playground_file)
+        for snapshot in range(1, len(saved.time_s)):  # the first policy is untrained
             found[f"{playground_file}#{snapshot}"] = (
                 PLAYGROUND,
-                float(kept.time_s[snapshot]),
-                int(kept.steps[snapshot]),
+                float(saved.time_s[snapshot]),
+                int(saved.steps[snapshot]),
             )
     return found
 

@@ -44,8 +44,8 @@ def main() -> None:
     checks = LISTS[options.checks]
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(options.first, options.first + options.seeds):
-            own = Path(folder) / str(seed)
-            run, cache = own / "run", Path(folder) / "cache" if options.warm else own / "cache"
+            seed_folder = Path(folder) / str(seed)
+            run, cache = seed_folder / "run", (Path(folder) if options.warm else seed_folder) / "cache"
             environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(cache)}
             began = time.time()  # same clock as the files' times
             footfall(

@@ -52,8 +52,8 @@ def rollouts(
     names = [each.name for each in numbers]
     with jax.enable_x64(True):
         values, read = jnp.asarray(inputs.values), jnp.asarray(inputs.read)
-        before = jnp.floor(read).astype(int).clip(0, values.shape[1] - inputs.margin - 1)
-        share = read - before
+        index_before = jnp.floor(read).astype(int).clip(0, values.shape[1] - inputs.margin - 1)
+        share = read - index_before
         windows = jnp.arange(values.shape[0])
 
     def simulate_window(number: jnp.ndarray, start: jnp.ndarray, window: jnp.ndarray) -> jnp.ndarray:
@@ -77,7 +77,7 @@ def rollouts(
 
         _, path = jax.lax.scan(step, start, drive)
         path = jnp.concatenate([start[None, :n], path])
-        low, high = path[before[window]], path[before[window] + 1]
+        low, high = path[index_before[window]], path[index_before[window] + 1]
         return low + share[window][:, None] * (high - low)
 
     simulate_windows = jax.jit(jax.vmap(jax.vmap(simulate_window, (None, 0, 0)), (1, 0, None)))

@@ -104,11 +104,13 @@ def read(path: Path, servo: Servo) -> Log:
             np.array([entry[key] for entry in content["entries"]], dtype=float) for key in keys
         )
         gain = float(content["kp"])
-        rest = servo.duty_per_rad * gain, content["mass"], content["length"], content["vin"]
+        constants = servo.duty_per_rad * gain, content["mass"], content["length"], content["vin"]
         name = f"{content['trajectory']}, kp {gain:g}"
     except (json.JSONDecodeError, KeyError, TypeError) as error:
         raise UserError(f"{path} is not a recording of a servo: {error!r}") from None
-    inputs = np.column_stack([goal, enabled, *np.broadcast_to(np.array(rest)[:, None], (4, len(time_s)))])
+    inputs = np.column_stack(
+        [goal, enabled, *np.broadcast_to(np.array(constants)[:, None], (4, len(time_s)))]
+    )
     return Log(name, gain, time_s, position, inputs)
 
 
@@ -127,8 +129,8 @@ def problem(folder: str, servo: str, model: str, window_s: float = 1.0) -> Shoot
 def makers_problem(folder: str, servo: str, window_s: float = 1.0) -> Shooting:
     """The same windows with the published law, starting at its published set M1."""
     numbers = tuple(Number(name, "", value, -1e3, 1e3, 1.0) for name, value in M1.items())
-    rest = ("kt", "resistance", "armature", "coulomb", "viscous", "offset")
-    numbers += tuple(Number(name, "", 0.0, -1e3, 1e3, 1.0) for name in rest)
+    other_names = ("kt", "resistance", "armature", "coulomb", "viscous", "offset")
+    numbers += tuple(Number(name, "", 0.0, -1e3, 1e3, 1.0) for name in other_names)
     return _windows(logs(folder, servo), numbers, accelerate_makers, window_s)
 
 
@@ -146,8 +148,10 @@ def _windows(found: Sequence[Log], numbers: tuple[Number, ...], law: Accelerate,
             read_at.append(((log.time_s[rows] - start_s) / STEP_S).clip(0.0, steps))
             measured.append(log.position[rows, None])
             first = int(np.searchsorted(log.time_s, start_s))
-            near = slice(max(first - FIT_POINTS, 0), first + FIT_POINTS + 1)
-            curve = np.polynomial.polynomial.polyfit(log.time_s[near] - start_s, log.position[near], 2)
+            neighbours = slice(max(first - FIT_POINTS, 0), first + FIT_POINTS + 1)
+            curve = np.polynomial.polynomial.polyfit(
+                log.time_s[neighbours] - start_s, log.position[neighbours], 2
+            )
             starts.append(curve[:2])
             recording.append(index)
     inputs = Inputs(np.stack(input_values), margin, STEP_S, np.array(read_at))

@@ -68,7 +68,7 @@ def main() -> int:
         command += ["--from", f"ros2:{ros}", "--config", str(config)]
         with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as run:
             looks = [str(options.python), str(Path(__file__).with_name("looks.py")), str(expected)]
-            seen = subprocess.run(
+            checks = subprocess.run(
                 looks, env=environment, stdout=subprocess.PIPE, text=True, timeout=LOOK_TIMEOUT_S, check=False
             )
             try:
@@ -76,11 +76,11 @@ def main() -> int:
             except subprocess.TimeoutExpired:
                 run.terminate()
                 summary = run.communicate()[0]
-    findings = [json.loads(line) for line in seen.stdout.splitlines() if line.startswith("{")]
+    findings = [json.loads(line) for line in checks.stdout.splitlines() if line.startswith("{")]
     for finding in findings:
         print("ok   " if finding["ok"] else "WRONG", finding["check"], "-", finding["seen"])
     print(summary)
-    complete = seen.returncode == 0
+    complete = checks.returncode == 0
     return 0 if complete and all(finding["ok"] for finding in findings) else 1
 
 

@@ -165,9 +165,9 @@ def follow(peer: Peer) -> None:
     decreases = len(feedback) > 3 and feedback[-1] < feedback[0]
     report("action follow_path", status == 4 and error_m < 0.15, [status, f"error {error_m:.3f} m"])
     report("its feedback", decreases, [round(each, 2) for each in feedback[:: max(1, len(feedback) // 5)]])
-    far = kind.Goal(path=path)
-    far.path.poses[-1].pose.position.x += 3.0
-    sending = client.send_goal_async(far)
+    far_goal = kind.Goal(path=path)
+    far_goal.path.poses[-1].pose.position.x += 3.0
+    sending = client.send_goal_async(far_goal)
     peer.until(sending.done, 5.0)
     if not sending.done() or not sending.result().accepted:
         report("action takes another goal", False, "")

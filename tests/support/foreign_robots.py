@@ -104,8 +104,8 @@ def _motors(side: str) -> str:
     geared = f'<motor joint="{side}_hip" gear="40" ctrlrange="-1.5 1.5"/>'
     bounded = f'<position joint="{side}_knee" kp="300" forcerange="-70 70"/>'
     parts = ("yaw", "roll", "ankle", "ankle_roll")
-    rest = (f'<motor joint="{side}_{part}" ctrlrange="-60 60"/>' for part in parts)
-    return geared + bounded + "".join(rest)
+    other_motors = (f'<motor joint="{side}_{part}" ctrlrange="-60 60"/>' for part in parts)
+    return geared + bounded + "".join(other_motors)
 
 
 BIPED_MJCF = f"""

@@ -49,9 +49,9 @@ class FreshEnvironment:
     def _link(self, found: Distribution) -> None:
         tops = {Path(file.parts[0]) for file in found.files or []} - {Path(".."), Path("__pycache__")}
         for top in tops:
-            here = self.packages / top
-            if top.suffix != ".pth" and not here.exists():
-                here.symlink_to(found.locate_file(top))
+            link = self.packages / top
+            if top.suffix != ".pth" and not link.exists():
+                link.symlink_to(found.locate_file(top))
 
 
 def _needed(package: Distribution, extras: Iterable[str]) -> list[Distribution]:

@@ -77,11 +77,11 @@ class CountingEnvironment:
         rows, done_steps = jnp.arange(self.count), jnp.floor(state)
         fell = ((rows == 0) & (done_steps == 2)) * 1.0
         timed_out = ((rows == 1) & (done_steps == 3)) * 1.0
-        shown = {name: state[:, None] * jnp.ones(size) for name, size in SIZES.items()}
+        observation = {name: state[:, None] * jnp.ones(size) for name, size in SIZES.items()}
         ended = jnp.maximum(fell, timed_out)
         metrics = {"done": ended, "length": ended * done_steps, "steps": done_steps}
         result = SimpleNamespace(reward=10.0 * rows + done_steps, truncated=timed_out, metrics=metrics)
-        return state, shown, result
+        return state, observation, result
 
 
 def step_batch(env: Any, state: Any, action: jax.Array) -> Any:

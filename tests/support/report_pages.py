@@ -50,8 +50,8 @@ def walked(seconds: float = 12.0, fell: bool = False) -> Trace:
     """The course walked exactly, feet of a trot at 2 Hz; it may end in a fall."""
     trace = walk(seconds)
     command = np.array([COURSE.schedule(time) for time in trace.time_s])
-    left = (trace.time_s * 2.0) % 1.0 < 0.5
-    contact = np.stack([left, ~left, ~left, left], axis=1)
+    first_pair = (trace.time_s * 2.0) % 1.0 < 0.5
+    contact = np.stack([first_pair, ~first_pair, ~first_pair, first_pair], axis=1)
     moving = {"base_velocity": command * [1, 1, 0], "base_angular_velocity": command * [0, 0, 1]}
     return replace(trace, command=command, foot_contact=contact, fell=fell, **moving)
 

@@ -81,12 +81,12 @@ def statistics_and_expected() -> tuple[Any, Any]:
     """Mean and deviation of the observations after an iteration of counting episodes on both devices."""
     config, networks, env = COUNTING, COUNTING_NETWORKS, CountingEnvironment()
     state = initial_state(env, networks, config, 3)
-    shown = np.asarray(state.env) + np.arange(config.num_steps_per_env)[:, None]
+    observations = np.asarray(state.env) + np.arange(config.num_steps_per_env)[:, None]
     env.count //= MESH.size
     rollouts.step_batch = step_batch
     losses.compute_ppo_loss = lambda params, *_, **__: (0.0, {"kl_mean": jnp.float32(0.0)})  # quick to trace
     after = jax.jit(make_iteration(env, networks, config, MESH))(state)[0].normalizer
-    return (after.mean["state"], after.std["state"]), (shown.mean(), shown.std())
+    return (after.mean["state"], after.std["state"]), (observations.mean(), observations.std())
 
 
 def gap(a: Any, b: Any) -> float:
@@ -98,12 +98,12 @@ def gap(a: Any, b: Any) -> float:
 def main() -> None:
     """Print what was seen, as JSON."""
     state = jax.jit(lambda: initial_state(ENV, NETWORKS, CONFIG.ppo, 0))()
-    share, other = rollout(0), rollout(1)
-    (alone,) = learnt(state, share, 1)
-    twice, _ = learnt(state, side_by_side(share, share), 2)
-    first, second = learnt(state, side_by_side(share, other), 2)
+    data, other_data = rollout(0), rollout(1)
+    (alone,) = learnt(state, data, 1)
+    twice, _ = learnt(state, side_by_side(data, data), 2)
+    first, second = learnt(state, side_by_side(data, other_data), 2)
     placed = place(jax.device_get(state), shardings(STATE_SPECS, MESH))
-    seen = {
+    result = {
         "devices": MESH.size,
         "moved": gap(alone, jax.device_get(state.params.policy)),
         "same_share_on_both": gap(alone, twice),
@@ -113,7 +113,7 @@ def main() -> None:
         "environments_of_each": placed.observation["state"].addressable_shards[0].data.shape[0],
         "copies_of_parameters": len(jax.tree.leaves(placed.params)[0].addressable_shards),
     }
-    print(json.dumps(seen))
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":
