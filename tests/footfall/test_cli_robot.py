@@ -1,11 +1,13 @@
 """The output of `footfall robot` for given figures: descriptions and verdicts."""
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from changed_robots import described
 from recorder import Recorder
 from shell import Shell
 
@@ -97,8 +99,8 @@ class TestCheck:
     def test_a_robot_without_a_lying_pose_is_not_laid_down(
         self, shell: Shell, found: list[str], called: Recorder, go1: Robot
     ) -> None:
-        given = ("description", "joint_names", "kp", "kd", "folder")
-        robot = SimpleNamespace(name="mine", lying_pose=None, **{name: getattr(go1, name) for name in given})
+        joints = tuple(replace(joint, lying_rad=None) for joint in go1.description.joints)
+        robot = described(go1, joints=joints)
         called.replace("footfall.robots.description.load_robot", lambda _: robot)
         outcome = shell("robot", "check", "mine")
         assert "lying_test" not in called.names
