@@ -41,7 +41,7 @@ def main() -> None:
         trace = run_episode(robot, policy, episode)
         solve_ms += list(policy.solve_ms)
         act_ms += list(np.ravel(trace.compute_ms))
-        fallbacks += policy.late
+        fallbacks += policy.fallbacks
     wall_s = time.perf_counter() - began
 
     simulated_s = arguments.episodes * arguments.duration

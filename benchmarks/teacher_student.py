@@ -30,7 +30,7 @@ from footfall.envs.make import make_environment
 from footfall.envs.state import State
 from footfall.envs.terms.data import example_data
 from footfall.policies.contract import Contract
-from footfall.policies.height_scan import NAME
+from footfall.policies.height_scan import HEIGHT_SCAN
 from footfall.policies.learned import open_network
 from footfall.policies.observation import size_per_step, term_size
 from footfall.robots.description import load_robot
@@ -192,7 +192,7 @@ class TwoTeachers(Imitation):
         leftward = jnp.stack([-data.forward[1], data.forward[0]])
         along, across = jnp.arange(-1.0, 3.0)[:, None, None], jnp.arange(-1.0, 2.0)[:, None]
         positions = data.base_position[:2] + height * (along * data.forward + across * leftward)
-        errors = state.terms[NAME][NAME].errors
+        errors = state.terms[HEIGHT_SCAN][HEIGHT_SCAN].errors
         without_scan = errors.useless | (state.steps * env.period_s > errors.end_s)
         return (jnp.ptp(data.ground(positions)) < LEVEL_SHARE * height) & ~without_scan
 
@@ -233,7 +233,7 @@ def main() -> None:
     robot = load_robot(options.robot)
     env: Any = make_environment(robot, load_preset(options.preset, robot).env)
     _, contract = open_network(options.teacher)
-    if contract.observation != env.contract.observation or contract.observation[-1].name != NAME:
+    if contract.observation != env.contract.observation or contract.observation[-1].name != HEIGHT_SCAN:
         parser.error("the teacher's observation is not the preset's, or does not end with a height scan")
     count = max(1, options.steps // (STEPS * options.envs))
     settings = options.noise, options.learning_rate, options.level_weight, options.epochs

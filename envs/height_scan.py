@@ -18,7 +18,7 @@ from footfall.domain_rand.height_scan import (
 from footfall.envs.base import Base
 from footfall.envs.random_numbers import split
 from footfall.envs.state import State
-from footfall.policies.height_scan import NAME, HeightScan
+from footfall.policies.height_scan import HEIGHT_SCAN, HeightScan
 
 DUE_TOLERANCE_S = 1e-4  # of a scan's time, which is a sum of rounded numbers
 
@@ -54,7 +54,7 @@ class Scanner:
         if is_reset:
             scans = Scans(jnp.tile(pose, (self._kept, 1)), draw_errors(self._errors, u_errors))
         else:
-            previous: Scans = state.terms[NAME][NAME]
+            previous: Scans = state.terms[HEIGHT_SCAN][HEIGHT_SCAN]
             scans = previous._replace(poses=jnp.concatenate([pose[None], previous.poses[:-1]]))
         rate_hz, episode_errors = self._scan.rate_hz, scans.errors
         taken_s = jnp.floor((time_s - episode_errors.lag_s + DUE_TOLERANCE_S) * rate_hz) / rate_hz
@@ -62,7 +62,7 @@ class Scanner:
         pose = scans.poses[jnp.clip(steps_ago, 0, self._kept - 1)]
         heights = self._heights(pose, ground, episode_errors.shift_m)
         heights = with_errors(heights, self._errors, episode_errors, taken_s, u_noise.reshape(2, -1))
-        return state._replace(terms=state.terms | {NAME: {NAME: scans}}), heights
+        return state._replace(terms=state.terms | {HEIGHT_SCAN: {HEIGHT_SCAN: scans}}), heights
 
     def exact(self, state: State, ground: Heights) -> jax.Array:
         """The heights without errors and delay, (points,)."""

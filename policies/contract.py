@@ -126,8 +126,12 @@ def _difference(policy_values: Sequence[object], robot_values: Sequence[object])
     """First difference and the number of further ones; empty if both are equal."""
     if len(policy_values) != len(robot_values):
         return f"{len(policy_values)}, robot has {len(robot_values)}"
-    pairs = [(own, other) for own, other in zip(policy_values, robot_values, strict=True) if own != other]
-    if not pairs:
+    differing = [
+        (of_policy, of_robot)
+        for of_policy, of_robot in zip(policy_values, robot_values, strict=True)
+        if of_policy != of_robot
+    ]
+    if not differing:
         return ""
-    (own, other), more = pairs[0], len(pairs) - 1
-    return f"{own}, robot has {other}" + (f", and {more} more differ" if more else "")
+    (of_policy, of_robot), more = differing[0], len(differing) - 1
+    return f"{of_policy}, robot has {of_robot}" + (f", and {more} more differ" if more else "")

@@ -14,7 +14,8 @@ from footfall.common.errors import UserError
 from footfall.robots.description import Robot
 
 GAITS = Path(__file__).parent / "gaits.yaml"
-MIDDLE_M = 5e-4  # feet within this distance of the median plane are in it: poses are written to 0.1 mrad
+# Feet within this distance of the median plane count as in it: the default pose is rounded to 0.1 mrad.
+MIDDLE_M = 5e-4
 
 Array = Any
 
@@ -73,7 +74,7 @@ def find_gait(name: str, robot: Robot) -> GaitPattern:
 
 def gait_names() -> list[str]:
     """Names of all gaits, as `gaits.yaml` lists them."""
-    return list(dict.fromkeys(name for gaits in _file().values() for name in gaits))
+    return list(dict.fromkeys(name for gaits in _gaits_by_feet().values() for name in gaits))
 
 
 def gaits_of(robot: Robot) -> list[str]:
@@ -97,27 +98,27 @@ def planned_lift(clock: Array, phase: Array, duty: float) -> Array:
         duty: share of the cycle in stance.
     """
     xp = clock.__array_namespace__()
-    through = (clock + phase) % 1.0 / (1.0 - duty)
-    return xp.where(through < 1.0, xp.sin(xp.pi * through), xp.zeros_like(through))
+    progress = (clock + phase) % 1.0 / (1.0 - duty)  # of the swing; above 1 in stance
+    return xp.where(progress < 1.0, xp.sin(xp.pi * progress), xp.zeros_like(progress))
 
 
 def _sides(robot: Robot) -> tuple[list[int], list[int], list[int]]:
     """Feet on the left, on the right and in the middle, each from front to back."""
     positions = robot.foot_positions
     order = np.argsort(-positions[:, 0], kind="stable").tolist()
-    side = {foot: positions[foot, 1] for foot in order}
+    leftward = {foot: positions[foot, 1] for foot in order}
     return (
-        [foot for foot in order if side[foot] > MIDDLE_M],
-        [foot for foot in order if side[foot] < -MIDDLE_M],
-        [foot for foot in order if abs(side[foot]) <= MIDDLE_M],
+        [foot for foot in order if leftward[foot] > MIDDLE_M],
+        [foot for foot in order if leftward[foot] < -MIDDLE_M],
+        [foot for foot in order if abs(leftward[foot]) <= MIDDLE_M],
     )
 
 
 def _gaits_for(feet: int) -> Iterator[tuple[str, GaitEntry]]:
-    for name, entry in _file().get(feet, {}).items():
+    for name, entry in _gaits_by_feet().get(feet, {}).items():
         yield name, structure(entry, GaitEntry, f"{GAITS}: {feet}: {name}")
 
 
 @cache
-def _file() -> dict[int, dict[str, Any]]:
+def _gaits_by_feet() -> dict[int, dict[str, Any]]:
     return read_yaml(GAITS)

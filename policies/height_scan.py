@@ -14,16 +14,17 @@ from footfall.robots.kinds import Kind
 from footfall.robots.symmetry import Mirror
 
 Array = Any  # a NumPy or a JAX array
-NAME = "height_scan"  # name of the observation term
+HEIGHT_SCAN = "height_scan"  # name of the observation term
 MAX_POINTS = 2000
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class HeightScan:
-    """Heights of the ground at a grid of points, m above the base's origin, then 1; all 0 without a scan.
+    """Heights of the ground at a grid of points, m above the base's origin, then a flag: 1 for a valid scan.
+    Without a scan, all values are 0.
 
-    The grid is in the heading frame at the time of the scan: origin at the base's, x along the base's
+    The grid is in the heading frame at the time of the scan: origin at that of the base, x along the base's
     heading, y to the left, z up. Points are in rows from back to front, each row from right to left. A point
     of unknown height (NaN) gets the mean of the known ones.
 
@@ -102,11 +103,11 @@ class HeightScan:
             return xp.zeros((*inputs.command.shape[:-1], self.size + 1), dtype=inputs.command.dtype)
         known = xp.isfinite(heights)
         count = xp.sum(xp.astype(known, heights.dtype), axis=-1, keepdims=True)
-        seen = xp.astype(count > 0.0, heights.dtype)
+        valid = xp.astype(count > 0.0, heights.dtype)
         low, high = self.clip_m
         clipped = xp.clip(xp.where(known, heights, 0.0), low, high)
         mean = xp.sum(xp.where(known, clipped, 0.0), axis=-1, keepdims=True) / xp.maximum(count, 1.0)
-        return xp.concat([xp.where(known, clipped, mean), seen], axis=-1)
+        return xp.concat([xp.where(known, clipped, mean), valid], axis=-1)
 
 
 def height_scan_of(contract: Contract | None) -> HeightScan | None:
@@ -115,10 +116,10 @@ def height_scan_of(contract: Contract | None) -> HeightScan | None:
     Raises:
         UserError: its settings are out of range.
     """
-    found = [] if contract is None else [term for term in contract.observation if term.name == NAME]
-    if not found:
+    terms = [] if contract is None else [term for term in contract.observation if term.name == HEIGHT_SCAN]
+    if not terms:
         return None
-    scan: HeightScan = bind(HeightScan, found[0].settings, f"contract.observation: {NAME}")
+    scan: HeightScan = bind(HeightScan, terms[0].settings, f"contract.observation: {HEIGHT_SCAN}")
     return scan
 
 

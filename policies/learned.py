@@ -62,13 +62,14 @@ class LearnedPolicy:
     notes = ()
 
     def __init__(self, path: Path, robot: Robot, name: str | None = None) -> None:
-        """Raises UserError if the file is not a policy or does not fit the robot; the message has the
+        """Raises UserError if the file is not a policy or does not fit the robot; the message lists the
         differences."""
         self._session, self.contract = open_network(path)
         differences = self.contract.mismatches(robot)
         if differences:
-            own = self.contract.robot
-            hint = "" if own == robot.name else f" (add --robot {own}: the policy was trained for it)"
+            trained_for = self.contract.robot
+            hint = f" (add --robot {trained_for}: the policy was trained for it)"
+            hint = "" if trained_for == robot.name else hint
             raise UserError(f"{path} does not fit robot '{robot.name}': {'; '.join(differences)}{hint}")
         self.name = name or path.stem
         self.trainer = self._session.get_modelmeta().custom_metadata_map.get(TRAINER_KEY)
@@ -77,12 +78,12 @@ class LearnedPolicy:
         self._kp, self._kd = np.asarray(self.contract.kp), np.asarray(self.contract.kd)
         self._zeros = np.zeros(len(self.contract.joints))
         self._sources = term_sources(self.contract)
-        kept = history_length(self.contract), size_per_step(self.contract)
+        shape = history_length(self.contract), size_per_step(self.contract)  # of the history
         # Indices of an observation's values in the history: computed once, so that each step needs one
         # look-up.
-        self._indices = observation(np.arange(np.prod(kept)).reshape(kept), self.contract)
+        self._indices = observation(np.arange(np.prod(shape)).reshape(shape), self.contract)
         self._begin()
-        self._dry_run(path)  # also because the first call is slow
+        self._dry_run(path)  # the first call is slow, so it must not be the first of a run
 
     def _dry_run(self, path: Path) -> None:
         """Raises UserError for a network that does not run, or whose output is not finite and of the right
@@ -118,8 +119,8 @@ class LearnedPolicy:
         contract = self.contract
         phase = np.array([self._phase()])
         readings = read(inputs.sensed)
-        given = Inputs(readings, self._action, inputs.command, phase, inputs.height_scan)
-        newest = step_values(given, contract, self._sources)
+        sources = Inputs(readings, self._action, inputs.command, phase, inputs.height_scan)
+        newest = step_values(sources, contract, self._sources)
         if self._history is None:
             self._history = np.tile(newest, (history_length(contract), 1))
         else:

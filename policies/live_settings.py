@@ -53,8 +53,8 @@ class Applied(NamedTuple):
 
 NOTHING_APPLIED = Applied()
 
-# Ranges relative to a controller's own value.
-SHARES = {
+# Lowest and highest value of a setting, as shares of the controller's own value.
+RANGES = {
     "step_period_s": (0.75, 1.6),
     "step_height_m": (0.3, 1.5),
     "step_length_m": (0.2, 1.0),
@@ -62,15 +62,15 @@ SHARES = {
 }
 
 
-def shared(defaults: Mapping[str, float]) -> dict[str, Span]:
+def spans_around(defaults: Mapping[str, float]) -> dict[str, Span]:
     """Spans of settings around a controller's own values."""
     return {
-        name: Span(SHARES[name][0] * value, SHARES[name][1] * value, value)
+        name: Span(RANGES[name][0] * value, RANGES[name][1] * value, value)
         for name, value in defaults.items()
     }
 
 
-def approached(value: float, goal: float, max_change: float) -> float:
+def moved_towards(value: float, goal: float, max_change: float) -> float:
     """A value moved towards its goal by at most `max_change`."""
     return value + min(max(goal - value, -max_change), max_change)
 
@@ -81,10 +81,10 @@ def require_steerable(policy: object, name: str) -> None:
     Raises:
         UserError: a member is missing.
     """
-    lacks = [part for part in ("live_settings", "gaits", "applied", "take_up") if not hasattr(policy, part)]
-    if hasattr(policy, "set_live") and lacks:
+    missing = [part for part in ("live_settings", "gaits", "applied", "take_up") if not hasattr(policy, part)]
+    if hasattr(policy, "set_live") and missing:
         raise UserError(
-            f"policy '{name}' has set_live, but not {', '.join(lacks)}: see live_settings.Steerable"
+            f"policy '{name}' has set_live, but not {', '.join(missing)}: see live_settings.Steerable"
         )
 
 

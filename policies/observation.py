@@ -7,7 +7,7 @@ from footfall.common.errors import UserError
 from footfall.common.outside import find, is_import_path
 from footfall.common.terms import bind
 from footfall.policies.contract import Contract, Term
-from footfall.policies.height_scan import NAME, HeightScan
+from footfall.policies.height_scan import HEIGHT_SCAN, HeightScan
 from footfall.robots import kinds
 from footfall.robots.kinds import Kind, Parts
 from footfall.robots.readings import READINGS, Readings
@@ -16,7 +16,7 @@ Array = Any
 
 
 class Inputs(NamedTuple):
-    """Source of an observation."""
+    """Values from which an observation is computed."""
 
     readings: Readings
     last_action: Array  # (..., n)
@@ -92,7 +92,7 @@ TERMS: dict[str, ObservationTerm] = {name: reading_term(name) for name in READIN
     "command": command,
     "last_action": last_action,
     "clock": clock,
-    NAME: ObservationTerm(lambda scan: scan.kind, HeightScan),
+    HEIGHT_SCAN: ObservationTerm(lambda scan: scan.kind, HeightScan),
 }
 
 

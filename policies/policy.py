@@ -18,7 +18,7 @@ class PolicyInput(NamedTuple):
     time_s: float  # since the reset of the policy
     sensed: Sensed
     command: np.ndarray  # (3,) forward m/s, leftward m/s, yaw rad/s, body frame
-    base_velocity: np.ndarray  # (3,) m/s, body frame, estimated, or true in a study that provides it
+    base_velocity: np.ndarray  # (3,) m/s, body frame: estimated; the true one in a study that provides it
     base_height: float  # m above the mean stance foot, estimated
     height_scan: np.ndarray | None = None  # (points,) m, see `HeightScan`; None without a recent scan
 

@@ -21,8 +21,7 @@ from footfall.robots.description import Robot
 ZOO = Path(__file__).parent / "zoo"
 GET_UP = "-getup"  # suffix, after a robot's name, of its get-up policy in the zoo
 
-
-_HERE = "footfall.policies.controllers"
+_ROOM = "footfall.policies.controllers"  # package of the hand-written controllers
 
 
 class Controller(NamedTuple):
@@ -39,49 +38,53 @@ def _gait(name: str) -> Controller:
     """The gait generator with this gait."""
     about = f"gait generator with {name}: feet by clock and inverse kinematics"
     return Controller(
-        f"{_HERE}.walk:Walk", f"{_HERE}.walk.config:WalkConfig", about, walks=True, arguments=(name,)
+        f"{_ROOM}.walk:Walk",
+        f"{_ROOM}.walk.config:WalkConfig",
+        about,
+        walks=True,
+        arguments=(name,),
     )
 
 
 def _flight(name: str) -> Controller:
     """A gait with a flight phase, for which forces have to be planned."""
     about = f"{name}: model-predictive control that plans over the flight phase"
-    return Controller(f"{_HERE}.mpc:Mpc", f"{_HERE}.mpc.config:MpcConfig", about)
+    return Controller(f"{_ROOM}.mpc:Mpc", f"{_ROOM}.mpc.config:MpcConfig", about)
 
 
 FLIGHT = ("gallop", "pronk")  # gaits of the MPC; the gait generator has all others
 
 CONTROLLERS = {
     "stand": Controller(
-        f"{_HERE}.stand:Stand",
-        f"{_HERE}.stand:StandConfig",
+        f"{_ROOM}.stand:Stand",
+        f"{_ROOM}.stand:StandConfig",
         "stands in the default pose, levelled by the IMU",
         walks=False,
     ),
     "mpc": Controller(
-        f"{_HERE}.mpc:Mpc",
-        f"{_HERE}.mpc.config:MpcConfig",
+        f"{_ROOM}.mpc:Mpc",
+        f"{_ROOM}.mpc.config:MpcConfig",
         "convex model-predictive control of the feet's forces",
     ),
     "mpc-wbc": Controller(
-        f"{_HERE}.mpc.whole_body:MpcWholeBody",
-        f"{_HERE}.mpc.whole_body:MpcWholeBodyConfig",
+        f"{_ROOM}.mpc.whole_body:MpcWholeBody",
+        f"{_ROOM}.mpc.whole_body:MpcWholeBodyConfig",
         "the same plan, executed by whole-body control",
     ),
     "balance": Controller(
-        f"{_HERE}.balance:Balance",
-        f"{_HERE}.balance:BalanceConfig",
+        f"{_ROOM}.balance:Balance",
+        f"{_ROOM}.balance:BalanceConfig",
         "stands by whole-body control of its momentum",
         walks=False,
     ),
     "step": Controller(
-        f"{_HERE}.step:Step",
-        f"{_HERE}.step.config:StepConfig",
+        f"{_ROOM}.step:Step",
+        f"{_ROOM}.step.config:StepConfig",
         "walks on two legs: planned footsteps, whole-body control",
     ),
     "jump": Controller(
-        f"{_HERE}.jump:Jump",
-        f"{_HERE}.jump.config:JumpConfig",
+        f"{_ROOM}.jump:Jump",
+        f"{_ROOM}.jump.config:JumpConfig",
         "stands, and jumps forward during a forward command",
         walks=False,
     ),
@@ -160,9 +163,9 @@ def load_policy(spec: str, robot: Robot) -> Policy:
     if path.is_file():
         return LearnedPolicy(path, robot)
     known = [*controllers_of(robot), *zoo_names(robot)]
-    given = f"no policy '{spec}'" if spec else "the policy's name is empty"
+    problem = f"no policy '{spec}'" if spec else "the policy's name is empty"
     raise UserError(
-        f"{given}: give one of {', '.join(known)}, a run folder, an .onnx file or MODULE:CLASS"
+        f"{problem}: give one of {', '.join(known)}, a run folder, an .onnx file or MODULE:CLASS"
         f"{did_you_mean(spec, known)}"
     )
 

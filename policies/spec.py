@@ -1,8 +1,8 @@
 """Spec of a hand-written controller: its name, and changes of its settings.
 
     trot                             with the robot's own settings
-    trot@mine.yaml                   with those settings replaced that the file has
-    trot@gait.period_s=0.5@kp=90     with these settings replaced
+    trot@mine.yaml                   with the settings in the file instead of the robot's
+    trot@gait.period_s=0.5@kp=90     with these two settings instead of the robot's
     trot@mine.yaml@gait.period_s=0.5 with both
 
 The spec holds all settings, so worker processes, logs and reports need only the spec.
@@ -23,7 +23,7 @@ from footfall.common.yaml_text import parse_yaml
 
 _KEY = r"[A-Za-z_][\w.]*"
 _SETTING = re.compile(rf"({_KEY})=(.*)", re.DOTALL)
-_NEXT = re.compile(rf"@(?={_KEY}=)")  # a file name may contain an @, too
+_NEXT_SETTING = re.compile(rf"@(?={_KEY}=)")  # the @ before a setting; a file name may contain an @, too
 
 
 class Change(NamedTuple):
@@ -37,7 +37,7 @@ class Change(NamedTuple):
 def split_spec(spec: str) -> tuple[str, list[str]]:
     """Name of the controller, and the text of each change."""
     name, at, rest = spec.partition("@")
-    return name, _NEXT.split(rest) if at else []
+    return name, _NEXT_SETTING.split(rest) if at else []
 
 
 def read_changes(name: str, parts: Sequence[str]) -> list[Change]:
@@ -59,15 +59,15 @@ def add_settings(specs: Sequence[str], settings: Sequence[str]) -> tuple[str, ..
     Raises:
         UserError: a setting has another form, or its controller is not among the specs.
     """
-    given = list(specs)
+    changed = list(specs)
     for setting in settings:
         name, dot, change = setting.partition(".")
         if not dot or not _SETTING.fullmatch(change):
             raise UserError(f"--set {setting}: expected CONTROLLER.KEY=VALUE, such as stand.kp=50")
         if all(split_spec(spec)[0] != name for spec in specs):
             raise UserError(f"--set {setting}: '{name}' is not among the policies {', '.join(specs)}")
-        given = [f"{spec}@{change}" if split_spec(spec)[0] == name else spec for spec in given]
-    return tuple(given)
+        changed = [f"{spec}@{change}" if split_spec(spec)[0] == name else spec for spec in changed]
+    return tuple(changed)
 
 
 def short_name(name: str, parts: Sequence[str]) -> str:

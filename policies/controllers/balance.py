@@ -6,8 +6,8 @@ The capture point (the divergent part of an inverted pendulum's motion, Englsber
 
 diverges from the centre of pressure p as dx/dt = w (x - p). The controller puts the centre of pressure beyond
 the capture point, by a share of its distance from the middle of the support. This accelerates the centre of
-mass by w^2 (c - p). Within the soles the ankles do it. For the rest, the quadratic program uses angular
-momentum: the upper body turns about the hips.
+mass by w^2 (c - p). Within the soles, the ankles move the centre of pressure. For the rest, the quadratic
+program uses angular momentum: the upper body turns about the hips.
 """
 
 import math
@@ -22,9 +22,9 @@ from footfall.policies.controllers.whole_body.dynamics import Dynamics
 from footfall.policies.controllers.whole_body.feedback import (
     Feedback,
     base_tilt,
-    observed,
+    estimated_dynamics,
     pendulum_rate,
-    standing,
+    rest_dynamics,
 )
 from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import RATES_HZ, PolicyInput
@@ -68,25 +68,25 @@ class Balance:
         self._default = robot.default_pose
         self._max_force = np.full(body.points, config.max_force * body.weight_n)
         self._max_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
-        rest = standing(body, robot)
+        rest = rest_dynamics(body, robot)
         self.com_height_m = float((rest.centre - rest.middle)[2])
         self._start_height, self._start_pose = self.com_height_m, self._default
         self._stance = np.ones(body.feet)
 
     def reset(self, inputs: PolicyInput) -> None:
         self.control.reset()
-        dynamics = observed(self.control.body, inputs)
+        dynamics = estimated_dynamics(self.control.body, inputs)
         self._start_height = float((dynamics.centre - dynamics.middle)[2])
         self._start_pose = inputs.sensed.joint_position.copy()
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         config, sensed = self._config, inputs.sensed
-        dynamics = observed(self.control.body, inputs)
+        dynamics = estimated_dynamics(self.control.body, inputs)
         share = min(1.0, inputs.time_s / config.settle_s)
         height = self._start_height + share * (self.com_height_m - self._start_height)
         pose = self._start_pose + share * (self._default - self._start_pose)
         desired = Desired(
-            centre=self._centre(dynamics, height),
+            centre=self._centre_acceleration(dynamics, height),
             momentum_rate=-config.momentum_damping * dynamics.angular_momentum,
             attitude=config.attitude(base_tilt(sensed.quaternion, dynamics), sensed.gyro),
             feet=np.zeros((self.control.body.feet, 6)),
@@ -102,15 +102,15 @@ class Balance:
     def stance(self) -> np.ndarray | None:
         return self._stance
 
-    def _centre(self, dynamics: Dynamics, height: float) -> np.ndarray:
+    def _centre_acceleration(self, dynamics: Dynamics, height: float) -> np.ndarray:
         """Desired acceleration of the centre of mass, (3,) m/s^2."""
         config = self._config
         centre = dynamics.centre - dynamics.middle
         rate = pendulum_rate(self.com_height_m)
         capture = centre + dynamics.centre_velocity / rate
         pressure = (1.0 + config.capture_gain) * capture
-        ahead = math.hypot(pressure[0], pressure[1])
-        pressure *= min(1.0, config.max_lead_m / max(ahead, 1e-9))
+        lead_m = math.hypot(pressure[0], pressure[1])
+        pressure *= min(1.0, config.max_lead_m / max(lead_m, 1e-9))
         acceleration = rate**2 * (centre - pressure)
         deviation = np.array([centre[2] - height])
         acceleration[2] = config.height(deviation, dynamics.centre_velocity[2:])[0]

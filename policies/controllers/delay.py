@@ -31,7 +31,7 @@ class CommandDelay:
         self._motor, self._dt_s = motor, dt_s
         ages = 2 + math.ceil(_MAX_DELAY_S / dt_s)
         self._every = max(1, round(_COMPARE_EVERY_S / dt_s))
-        self._keep = math.exp(-self._every * dt_s / _ERROR_FILTER_S)
+        self._decay = math.exp(-self._every * dt_s / _ERROR_FILTER_S)
         self._sent = np.zeros((ages, 5, len(motor.peak_torque)))  # newest first
         self._error = np.zeros(ages)  # (N m)^2, mean over the joints, exponentially decaying
         self.reset()
@@ -41,7 +41,7 @@ class CommandDelay:
         self._error[:] = 0.0
         self._count, self.ticks = 0, 1
 
-    def sent(self, command: JointCommand) -> None:
+    def record(self, command: JointCommand) -> None:
         """Record the command of this tick."""
         self._sent[1:] = self._sent[:-1]
         self._sent[0] = command
@@ -64,8 +64,8 @@ class CommandDelay:
         position, velocity, kp, kd, torque = self._sent.transpose(1, 0, 2)
         torque = torque + kp * (position - sensed.joint_position) + kd * (velocity - sensed.joint_velocity)
         deviation = limit_torque(torque, sensed.joint_velocity, self._motor) - sensed.joint_torque
-        self._error *= self._keep
-        self._error += (1.0 - self._keep) * np.einsum("aj,aj->a", deviation, deviation) / deviation.shape[1]
+        self._error *= self._decay
+        self._error += (1.0 - self._decay) * np.einsum("aj,aj->a", deviation, deviation) / deviation.shape[1]
         error = self._error + _RESOLUTION_NM2
         # A command is sent one tick after its readings; its effect is read one tick later.
         best = max(1, int(error.argmin()))

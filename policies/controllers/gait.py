@@ -10,7 +10,7 @@ from footfall.common.config import require_not_negative, require_positive
 from footfall.policies.gaits import find_gait, require_duty
 from footfall.robots.description import Robot
 
-_CLOCKS = np.arange(48) / 48
+_START_PHASES = np.arange(48) / 48  # phases from which `take_up` chooses
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ class Curve(NamedTuple):
     """A value over the normalised time s, with its derivatives with respect to s."""
 
     value: float
-    slope: float
-    bend: float
+    slope: float  # first derivative
+    bend: float  # second derivative
 
 
 class SwingCurve(NamedTuple):
@@ -141,15 +141,15 @@ class StepClock:
         self.phase = 0.0
         self.walking = False
         self._waited_s = 0.0  # since the command to walk, while all feet stay down
-        self._known = self.phase, leg_phases(self.phase, self.offsets)
+        self._cached = self.phase, leg_phases(self.phase, self.offsets)
 
     def take_up(self, timing: GaitTiming, offsets: np.ndarray) -> None:
         """Change the gait while all feet stand. The clock starts where the swings have progressed least."""
         self.timing, self.offsets = timing, offsets
-        phases = leg_phases(_CLOCKS[:, None], offsets)
-        begun = np.maximum(phases - timing.duty, 0.0).sum(axis=1)
-        self.phase = float(_CLOCKS[begun.argmin()])
-        self._known = self.phase, leg_phases(self.phase, offsets)
+        phases = leg_phases(_START_PHASES[:, None], offsets)
+        progress = np.maximum(phases - timing.duty, 0.0).sum(axis=1)
+        self.phase = float(_START_PHASES[progress.argmin()])
+        self._cached = self.phase, leg_phases(self.phase, offsets)
 
     def advance(self, dt_s: float, walk: bool) -> None:
         """Advance by `dt_s`. After the command to stop, the clock finishes the swings that have begun."""
@@ -166,9 +166,9 @@ class StepClock:
 
     def phases(self) -> np.ndarray:
         """Phase of each leg, (legs,), read-only; cached until the clock advances."""
-        if self._known[0] != self.phase:
-            self._known = self.phase, leg_phases(self.phase, self.offsets)
-        return self._known[1]
+        if self._cached[0] != self.phase:
+            self._cached = self.phase, leg_phases(self.phase, self.offsets)
+        return self._cached[1]
 
     def stance(self) -> np.ndarray:
         """Legs in stance now, boolean (legs,)."""

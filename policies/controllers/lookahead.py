@@ -9,7 +9,7 @@ from footfall.policies.controllers.delay import CommandDelay
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand, Motor
 
-_TUNED_TICKS = 1  # delay of the loop alone; the controllers' gains include it
+_TUNED_TICKS = 1  # delay of the loop alone, with which the controllers' gains were tuned
 
 
 class Lookahead:
@@ -37,7 +37,7 @@ class Lookahead:
         self._accelerations.clear()
         self._stance.clear()
 
-    def sent(self, command: JointCommand, acceleration: np.ndarray, stance: np.ndarray) -> None:
+    def record(self, command: JointCommand, acceleration: np.ndarray, stance: np.ndarray) -> None:
         """Record this tick's decision.
 
         Args:
@@ -45,7 +45,7 @@ class Lookahead:
             acceleration: (6,) m/s^2 and rad/s^2, expected acceleration of the base in world axes.
             stance: (feet,) planned contact in [0, 1].
         """
-        self._delay.sent(command)
+        self._delay.record(command)
         self._accelerations.appendleft(acceleration)
         self._stance.appendleft(stance)
 
@@ -62,23 +62,25 @@ class Lookahead:
             return inputs
         sensed, dt_s = inputs.sensed, self._dt_s
         rotation = rotation_matrix(sensed.quaternion)
-        motion = np.concatenate([rotation @ inputs.base_velocity, rotation @ sensed.gyro])
+        velocity = np.concatenate([rotation @ inputs.base_velocity, rotation @ sensed.gyro])
         displacement = np.zeros(6)
         pending = list(self._accelerations)[:ticks][::-1]
         for acceleration in [np.zeros(6)] * (ticks - len(pending)) + pending:
-            displacement += dt_s * (motion + 0.5 * dt_s * acceleration)
-            motion = motion + dt_s * acceleration
+            displacement += dt_s * (velocity + 0.5 * dt_s * acceleration)
+            velocity = velocity + dt_s * acceleration
         turn = np.array([1.0, *(0.5 * displacement[3:])])
         quaternion = multiply(turn / np.sqrt(turn @ turn), sensed.quaternion)
-        back = rotation_matrix(quaternion).T
+        to_body = rotation_matrix(quaternion).T
         velocity_changes = self._delay.velocity_changes()
-        later = sensed._replace(
+        predicted = sensed._replace(
             quaternion=quaternion,
-            gyro=back @ motion[3:],
+            gyro=to_body @ velocity[3:],
             joint_position=sensed.joint_position
             + dt_s * (ticks * sensed.joint_velocity + velocity_changes.sum(axis=0)),
             joint_velocity=sensed.joint_velocity + velocity_changes[0],
         )
         return inputs._replace(
-            sensed=later, base_velocity=back @ motion[:3], base_height=inputs.base_height + displacement[2]
+            sensed=predicted,
+            base_velocity=to_body @ velocity[:3],
+            base_height=inputs.base_height + displacement[2],
         )

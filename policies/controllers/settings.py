@@ -56,7 +56,7 @@ def controller_settings(robot: Robot, controller: str, cls: type[T], changes: Se
     if not changes:
         return settings
     for change in changes:
-        key = _whole_key(change.key, cls, f"{controller}@{change.source}")
+        key = _full_key(change.key, cls, f"{controller}@{change.source}")
         section = merged(section, _nested(key, change.content))
     return structure(section, cls, "@".join([controller, *(change.source for change in changes)]))
 
@@ -68,21 +68,21 @@ def _nested(key: Key, content: Any) -> Any:
     return content
 
 
-def _whole_key(key: Key, cls: type, source: str) -> Key:
-    """Full key of a setting: its parents may be omitted if no other setting ends alike.
+def _full_key(key: Key, cls: type, source: str) -> Key:
+    """Full key of a setting: the first parts may be omitted if only one setting has the remaining ones.
 
     Raises:
         UserError: no setting, or several settings, match.
     """
     keys = list(_keys(cls))
-    alike = [each for each in keys if each[-len(key) :] == key]
+    matches = [each for each in keys if each[-len(key) :] == key]
     if any(each[: len(key)] == key for each in keys):  # a full key, or a group of settings
         return key
-    if len(alike) == 1:
-        return alike[0]
-    if alike:
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
         raise UserError(
-            f"{source}: ambiguous, could be {' or '.join(map('.'.join, alike))}: give the full key"
+            f"{source}: ambiguous, could be {' or '.join(map('.'.join, matches))}: give the full key"
         )
     raise UserError(f"{source}: {no_setting(['.'.join(key)], ['.'.join(each) for each in keys])}")
 

@@ -26,7 +26,7 @@ class SlopeConfig:
 
     filter_s: float  # time constant of the estimate
     deadband: float  # gradient below which ground counts as level; also subtracted from larger gradients
-    max_gradient: float  # largest gradient
+    max_gradient: float  # a larger gradient is clamped to this one
 
     def __post_init__(self) -> None:
         require_positive(self, "filter_s", "max_gradient")
@@ -51,23 +51,27 @@ def corrected_gradient(
     if middle is None:
         return gradient
     middle_x, middle_y, middle_z = middle
-    along_x, along_y = gradient.tolist()
+    gradient_x, gradient_y = gradient.tolist()
     total = xx = xy = yy = x = y = 0.0
     for weight, foot in zip(contact.tolist(), feet.tolist(), strict=True):
-        over_x, over_y = foot[0] - middle_x, foot[1] - middle_y
-        missed = foot[2] - middle_z - over_x * along_x - over_y * along_y
+        arm_x, arm_y = foot[0] - middle_x, foot[1] - middle_y
+        error = foot[2] - middle_z - arm_x * gradient_x - arm_y * gradient_y
         total += weight
-        heavy_x, heavy_y = weight * over_x, weight * over_y
-        xx, xy, yy = xx + heavy_x * over_x, xy + heavy_x * over_y, yy + heavy_y * over_y
-        x, y = x + heavy_x * missed, y + heavy_y * missed
+        weighted_x, weighted_y = weight * arm_x, weight * arm_y
+        xx, xy, yy = (
+            xx + weighted_x * arm_x,
+            xy + weighted_x * arm_y,
+            yy + weighted_y * arm_y,
+        )
+        x, y = x + weighted_x * error, y + weighted_y * error
     xx, yy = xx + total * _RIDGE_M2, yy + total * _RIDGE_M2
     share /= xx * yy - xy * xy
-    return np.array([along_x + share * (yy * x - xy * y), along_y + share * (xx * y - xy * x)])
+    return np.array([gradient_x + share * (yy * x - xy * y), gradient_y + share * (xx * y - xy * x)])
 
 
 def standing_middle(feet: np.ndarray, contact: np.ndarray) -> tuple[float, float, float] | None:
     """Middle (3,) of feet (feet, 3) m, weighted by the trust in their contact; None if all weights are 0.
-    In Python floats: for the few feet of a robot they take a fraction of NumPy's time.
+    It computes in Python floats: for a robot's few feet they take a fraction of NumPy's time.
     """
     total = x = y = z = 0.0
     for weight, foot in zip(contact.tolist(), feet.tolist(), strict=True):
@@ -76,12 +80,12 @@ def standing_middle(feet: np.ndarray, contact: np.ndarray) -> tuple[float, float
     return None if total <= 0.0 else (x / total, y / total, z / total)
 
 
-def followed_gradient(gradient: np.ndarray, deadband: float, limit: float) -> np.ndarray:
+def applied_gradient(gradient: np.ndarray, deadband: float, limit: float) -> np.ndarray:
     """The gradient (2,), reduced by `deadband`, clamped to `limit`; exactly zero on nearly level ground."""
-    steep = math.hypot(*gradient.tolist())
-    if steep <= deadband:
+    steepness = math.hypot(*gradient.tolist())
+    if steepness <= deadband:
         return np.zeros(2)
-    return gradient * (min(steep - deadband, limit) / steep)
+    return gradient * (min(steepness - deadband, limit) / steepness)
 
 
 def plane_quaternion(gradient: np.ndarray) -> np.ndarray:
@@ -93,10 +97,12 @@ def plane_quaternion(gradient: np.ndarray) -> np.ndarray:
 
 
 def downhill(up: np.ndarray, height_m: float) -> complex:
-    """Vector from the foot of the ground's normal through a body to the point vertically below it, m, x + i
-    y.
-    The axes are along a heading. Feet around the latter point share the weight equally. `up` is the vertical
-    (3,).
+    """Vector along sloping ground, m, x + i y: from the point below a body along the ground's normal to the
+    point vertically below it. Feet around the second point share the weight equally.
+
+    Args:
+        up: (3,) vertical unit vector, in axes along a heading on the ground.
+        height_m: distance of the body from the ground along the normal.
     """
     x, y, z = up.tolist()
     return -complex(x, y) * (height_m / z)
@@ -120,7 +126,7 @@ class Slope:
         """Start on level ground."""
         self._measured = np.zeros(2)
         self._middle: complex | None = None  # m, x + i y, world: stance feet relative to the base
-        self._take(np.zeros(2))
+        self._set_gradient(np.zeros(2))
 
     def follow(self, inputs: PolicyInput, feet: np.ndarray, contact: np.ndarray, dt_s: float) -> PolicyInput:
         """Inputs relative to the ground: attitude relative to its normal, height along it.
@@ -137,15 +143,15 @@ class Slope:
         feet = feet.dot(rotation_matrix(inputs.sensed.quaternion).T)
         self._measured = corrected_gradient(self._measured, feet, contact, min(1.0, dt_s / config.filter_s))
         self._follow_middle(feet, contact, dt_s)
-        gradient = followed_gradient(self._measured, config.deadband, config.max_gradient)
+        gradient = applied_gradient(self._measured, config.deadband, config.max_gradient)
         if gradient.tolist() != self.gradient.tolist():  # on level ground it stays the same for minutes
-            self._take(gradient)
+            self._set_gradient(gradient)
         if self.level or self._middle is None:
             return inputs
         x, y = gradient.tolist()
         rise = x * self._middle.real + y * self._middle.imag
         height = (inputs.base_height + rise) * float(self.axes[2, 2])
-        sensed = inputs.sensed._replace(quaternion=multiply(self._back, inputs.sensed.quaternion))
+        sensed = inputs.sensed._replace(quaternion=multiply(self._to_ground, inputs.sensed.quaternion))
         return inputs._replace(sensed=sensed, base_height=height)
 
     def up(self, yaw: float) -> np.ndarray:
@@ -159,15 +165,15 @@ class Slope:
         return downhill(self.up(yaw), height_m)
 
     def _follow_middle(self, feet: np.ndarray, contact: np.ndarray, dt_s: float) -> None:
-        standing = standing_middle(feet, contact)
-        if standing is not None:
-            middle = complex(*standing[:2])
-            before = middle if self._middle is None else self._middle
-            self._middle = before + dt_s / (_HEIGHT_FILTER_S + dt_s) * (middle - before)
+        newest = standing_middle(feet, contact)
+        if newest is not None:
+            middle = complex(*newest[:2])
+            previous = middle if self._middle is None else self._middle
+            self._middle = previous + dt_s / (_HEIGHT_FILTER_S + dt_s) * (middle - previous)
 
-    def _take(self, gradient: np.ndarray) -> None:
+    def _set_gradient(self, gradient: np.ndarray) -> None:
         self.gradient, self.level = gradient, not gradient.any()
         turn = plane_quaternion(gradient)
-        self._back = turn * [1.0, -1.0, -1.0, -1.0]
+        self._to_ground = turn * [1.0, -1.0, -1.0, -1.0]
         self.axes = rotation_matrix(turn)
         self.gravity = -GRAVITY_M_S2 * self.axes[2]

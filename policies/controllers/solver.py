@@ -10,7 +10,10 @@ _SOFT_INFINITY = 1e30
 
 
 class QuadraticProgram(Protocol):
-    """Minimise x' H x / 2 + g' x with lower <= (x[:k], rows x) <= upper: k simple bounds, then the rows'."""
+    """Minimise x' H x / 2 + g' x with lower <= (x[:k], rows x) <= upper.
+
+    The first k bounds apply to variables, the others to the rows.
+    """
 
     @property
     def hessian(self) -> np.ndarray: ...  # (variables, variables), positive definite
@@ -38,16 +41,18 @@ class BoundedSolver:
     Args:
         daqp_iterations: limit after which PIQP is used.
         piqp_iterations: limit of PIQP.
-        unfinished: whether PIQP's last iterate is returned at its limit. It may violate a bound slightly,
-            and by any amount if no solution exists.
+        accept_unfinished: whether PIQP's last iterate is returned at its limit. It may violate a bound
+            slightly, and by any amount if no solution exists.
     """
 
     def __init__(
-        self, daqp_iterations: int = 100, piqp_iterations: int = 15, unfinished: bool = True
+        self, daqp_iterations: int = 100, piqp_iterations: int = 15, accept_unfinished: bool = True
     ) -> None:
         self._daqp_iterations = daqp_iterations
         self._piqp_iterations = piqp_iterations
-        self._usable = (piqp.PIQP_SOLVED, piqp.PIQP_MAX_ITER_REACHED) if unfinished else (piqp.PIQP_SOLVED,)
+        self._usable = [piqp.PIQP_SOLVED]
+        if accept_unfinished:
+            self._usable.append(piqp.PIQP_MAX_ITER_REACHED)
         self.fallbacks = 0
 
     def solve(self, problem: QuadraticProgram) -> np.ndarray | None:

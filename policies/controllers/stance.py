@@ -15,7 +15,7 @@ def nominal_feet(legs: Legs, height_m: float, outward_m: float, shift_m: float) 
     """Positions of the feet (legs, 3) in a level stance, base frame, m.
 
     Args:
-        legs: their feet in the default pose are the starting point.
+        legs: legs whose feet in the default pose are the starting point.
         height_m: height of the base above the ground.
         outward_m: additional distance of each foot from the robot's median plane; a foot in that plane stays.
         shift_m: forward shift of all feet.
@@ -63,9 +63,9 @@ def tilt_correction(
     max_rad: float,
     desired: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Roll and pitch (2,) in rad by which the feet turn with the base, so that it turns back.
+    """Roll and pitch (2,), rad, of the plane through the feet that turns a tilted base back.
 
-    The tilt is the deviation of gravity from the body's z axis, its rate is the gyro's.
+    The tilt is the deviation of gravity from the body's z axis; the gyro gives its rate.
     `desired` is the goal's roll and pitch (2,); None for level.
     """
     up_x, up_y, _ = vertical_in_body(inputs.sensed.quaternion)

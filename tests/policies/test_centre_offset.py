@@ -8,7 +8,7 @@ from footfall.policies.controllers.step.centre_offset import CentreOffset, centr
 from footfall.policies.controllers.step.config import StepConfig
 from footfall.policies.controllers.whole_body.control import WholeBodyControl
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
-from footfall.policies.controllers.whole_body.feedback import standing
+from footfall.policies.controllers.whole_body.feedback import rest_dynamics
 from footfall.policies.registry import load_policy
 from footfall.robots.description import load_robot
 
@@ -19,7 +19,7 @@ BODY = WholeBodyControl(G1, SETTINGS.whole_body, 0.002).body
 
 def at_rest(pressed_at: np.ndarray) -> tuple[Dynamics, np.ndarray]:
     """Dynamics of a robot at rest, and torques for a centre of pressure (2,)."""
-    dynamics = standing(BODY, G1)
+    dynamics = rest_dynamics(BODY, G1)
     force = 0.5 * BODY.weight_n
     (ahead, left), middle = pressed_at, dynamics.middle
     turning = [force * (left - middle[1]), -force * (ahead - middle[0]), 0.0]  # of each foot about its middle
@@ -30,7 +30,7 @@ def at_rest(pressed_at: np.ndarray) -> tuple[Dynamics, np.ndarray]:
 
 def test_an_accelerating_body_is_not_at_rest_above_its_feet() -> None:
     """The feet push the body forward, so the pressure is behind the centre."""
-    dynamics, torque = at_rest(standing(BODY, G1).centre[:2] - np.array([0.02, 0.0]))
+    dynamics, torque = at_rest(rest_dynamics(BODY, G1).centre[:2] - np.array([0.02, 0.0]))
     found, rate = CentreOffset(BODY.weight_n, 3.9, 500.0), 3.9**2 * 0.02 / 500.0
     for tick in range(500):
         speed = dynamics.centre_velocity + np.array([rate * tick, 0.0, 0.0])

@@ -140,7 +140,7 @@ class TestDesired:
 
     def test_the_pressure_stays_within_its_limit_from_the_middle(self, policy: Step) -> None:
         """Three times (0.09, 0.12) m would be 0.45 m, so the pressure is 0.2 m in that direction."""
-        found = policy.footwork.both_press(moment(), capture_at(0.09, 0.12), MIDDLE[:2])
+        found = policy.footwork.double_support_pressure(moment(), capture_at(0.09, 0.12), MIDDLE[:2])
         np.testing.assert_allclose(found, MIDDLE[:2] + world(0.12, 0.16))
 
 
@@ -182,7 +182,7 @@ def test_a_foot_is_lifted_once_the_weight_is_near_the_other_or_it_is_urgent(
         footwork.elapsed_s = elapsed_s
         capture = np.zeros(3)
         inwards = -short if bears == LEFT else short
-        capture[:2] = footwork.shifted(moment()) + world(ahead, inwards)
+        capture[:2] = footwork.shift_goal(moment()) + world(ahead, inwards)
         footwork.maybe_lift(moment(), capture)
         assert footwork.phase is (Phase.STEP if lifts else Phase.SHIFT)
 
@@ -222,11 +222,11 @@ def test_a_pressure_under_the_sole_removes_the_error_until_landing(footwork: Foo
     end = step.foothold + step.offset
     steady = end * math.exp(-0.3 * rate)
     capture = steady + np.array([0.004, -0.003])
-    now, held = footwork.steer(capture, step, 0.3)
+    now, held = footwork.steering_pressure(capture, step, 0.3)
     np.testing.assert_allclose(now, [0.012, -0.009])
     np.testing.assert_allclose(capture_after(capture, held, np.zeros(2), 0.3, rate), end, atol=1e-12)
     for sign in (1.0, -1.0):
-        for found in footwork.steer(steady + sign * np.array([0.3, 0.2]), step, 0.3):
+        for found in footwork.steering_pressure(steady + sign * np.array([0.3, 0.2]), step, 0.3):
             np.testing.assert_allclose(found, sign * np.array([0.075, 0.025]))
 
 

@@ -123,8 +123,8 @@ class TestCycle:
         worst = []
         for clock in np.arange(24) / 24:
             waits_s = (0.6 - clock - offsets) % 1.0 * timing.period_s
-            carried = [foot.carried(velocity) for foot in cycle.each_foot]
-            worst.append(max(np.array(carried) + np.hypot(*velocity[:2]) * waits_s))
+            travel = [foot.travel(velocity) for foot in cycle.each_foot]
+            worst.append(max(np.array(travel) + np.hypot(*velocity[:2]) * waits_s))
         cycle.change_gait(timing, offsets, velocity)
         assert cycle.clock == np.argmin(worst) / 24
 

@@ -15,8 +15,8 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.slope import (
     Slope,
     SlopeConfig,
+    applied_gradient,
     corrected_gradient,
-    followed_gradient,
     plane_quaternion,
 )
 from footfall.policies.controllers.walk import Walk
@@ -72,9 +72,9 @@ class TestGradient:
         np.testing.assert_allclose(found, planted, atol=0.01)
 
     def test_nearly_level_ground_is_level_and_steep_ground_is_bounded(self) -> None:
-        assert not followed_gradient(np.array([0.03, 0.03]), 0.05, 0.5).any()
-        np.testing.assert_allclose(followed_gradient(np.array([0.0, -0.25]), 0.05, 0.5), [0.0, -0.2])
-        assert np.hypot(*followed_gradient(np.array([3.0, 4.0]), 0.05, 0.5)) == pytest.approx(0.5)
+        assert not applied_gradient(np.array([0.03, 0.03]), 0.05, 0.5).any()
+        np.testing.assert_allclose(applied_gradient(np.array([0.0, -0.25]), 0.05, 0.5), [0.0, -0.2])
+        assert np.hypot(*applied_gradient(np.array([3.0, 4.0]), 0.05, 0.5)) == pytest.approx(0.5)
 
 
 class TestSeenFromTheGround:

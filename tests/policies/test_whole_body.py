@@ -20,7 +20,7 @@ from footfall.policies.controllers.whole_body.control import (
     WholeBodyControl,
 )
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
-from footfall.policies.controllers.whole_body.feedback import base_tilt, standing
+from footfall.policies.controllers.whole_body.feedback import base_tilt, rest_dynamics
 from footfall.policies.controllers.whole_body.problem import Contact, Desired, QuadraticPrograms, Weights
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot
@@ -95,15 +95,15 @@ def solved(robot: Robot, dynamics: Dynamics, desired: Desired, **changes: Any) -
         weights,
         changes.get("contact", CONFIG.contact),
     )
-    program, meaning = programs.build(dynamics, desired, max_force, -torque, torque)
+    program, torque_map = programs.build(dynamics, desired, max_force, -torque, torque)
     x = BoundedSolver().solve(program)
     assert x is not None
     force = np.zeros((body.points, 3))
-    force[meaning.standing] = x[: 3 * len(meaning.standing)].reshape(-1, 3)
+    force[torque_map.standing] = x[: 3 * len(torque_map.standing)].reshape(-1, 3)
     return (
         force,
-        meaning.acceleration @ x + meaning.acceleration_offset,
-        meaning.torque @ x + meaning.torque_offset,
+        torque_map.acceleration @ x + torque_map.acceleration_offset,
+        torque_map.torque @ x + torque_map.torque_offset,
     )
 
 
@@ -166,7 +166,7 @@ class TestStanding:
     @pytest.mark.parametrize("name", ROBOTS)
     def test_the_ground_carries_the_weight_and_nothing_moves(self, name: str) -> None:
         robot, body = ROBOTS[name], BODIES[name]
-        force, acceleration, _ = solved(robot, standing(body, robot), STILL[name])
+        force, acceleration, _ = solved(robot, rest_dynamics(body, robot), STILL[name])
         np.testing.assert_allclose(force.sum(axis=0), [0, 0, body.total_mass * 9.81], atol=0.2)
         np.testing.assert_allclose(acceleration, 0.0, atol=0.01)
 
@@ -174,7 +174,7 @@ class TestStanding:
     def test_torques_balance_the_forces_and_the_legs_own_weight(self, name: str) -> None:
         """The torques equal inverse dynamics with the same accelerations and forces at the same points."""
         robot, body = ROBOTS[name], BODIES[name]
-        dynamics = standing(body, robot)
+        dynamics = rest_dynamics(body, robot)
         force, acceleration, torque = solved(
             robot, dynamics, STILL[name]._replace(centre=np.array([0.7, -0.4, 0.5]))
         )
@@ -192,7 +192,7 @@ class TestStanding:
         np.testing.assert_allclose(left[6:], torque, atol=1e-6)
 
     def test_a_foot_with_a_force_limit_of_zero_carries_no_load(self) -> None:
-        dynamics = standing(BODIES["g1"], G1)
+        dynamics = rest_dynamics(BODIES["g1"], G1)
         max_force = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
         force, acceleration, _ = solved(G1, dynamics, STILL["g1"], max_force=max_force)
         assert not force[:4].any()
@@ -235,7 +235,7 @@ def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come
 
 class TestLimits:
     def test_forces_stay_in_their_cones(self) -> None:
-        dynamics = standing(BODIES["g1"], G1)
+        dynamics = rest_dynamics(BODIES["g1"], G1)
         force, _, _ = solved(G1, dynamics, STILL["g1"]._replace(centre=np.array([9.0, -7.0, 0.0])))
         sideways = np.abs(force[:, :2])
         assert np.all(sideways <= 0.5 * force[:, 2:] + 1e-6)
@@ -243,7 +243,7 @@ class TestLimits:
         assert np.all(force[:, 2] >= -1e-9)
 
     def test_torques_stay_in_their_limits(self) -> None:
-        dynamics = standing(BODIES["g1"], G1)
+        dynamics = rest_dynamics(BODIES["g1"], G1)
         max_torque = np.linspace(3.0, 9.0, 12)
         _, _, torque = solved(G1, dynamics, STILL["g1"], max_torque=max_torque)
         assert np.all(np.abs(torque) <= max_torque + 1e-6)
@@ -266,7 +266,7 @@ def blind(solver: BoundedSolver) -> BoundedSolver:
 
 def hurried(_: BoundedSolver) -> BoundedSolver:
     """Stops the solver before it has converged."""
-    return BoundedSolver(1, 2, unfinished=False)
+    return BoundedSolver(1, 2, accept_unfinished=False)
 
 
 FAILING_SOLVERS = {"infeasible": contradicting, "late": hurried, "not a number": blind}
@@ -292,7 +292,7 @@ class TestJoints:
 
 
 class TestTicksWithoutSolution:
-    dynamics = standing(BODIES["g1"], G1)
+    dynamics = rest_dynamics(BODIES["g1"], G1)
 
     def command(self, control: WholeBodyControl) -> JointCommand:
         """Command for a robot at rest that must accelerate forward, so that toes and heels differ."""

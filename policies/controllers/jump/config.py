@@ -27,7 +27,7 @@ class Leap:
     rise_m: float  # rise of the base at the apex, above its height in stance
     ahead_m: float  # distance from stance to stance
     crouch_m: float  # height of the base in the crouch
-    crouch_s: float  # duration of the crouching
+    crouch_s: float  # duration of the crouch
     back_m: float  # shift of the base in the crouch, backward
     take_off_m: float  # height of the base at take-off
 

@@ -15,7 +15,7 @@ from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.controllers.whole_body.control import WholeBodyControl
-from footfall.policies.controllers.whole_body.feedback import observed
+from footfall.policies.controllers.whole_body.feedback import estimated_dynamics
 from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -52,13 +52,13 @@ class Jump:
 
     def reset(self, inputs: PolicyInput) -> None:
         self._begin()
-        self._take_stand(inputs)
+        self._start_stance(inputs)
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         if self._time_s is None and self._requests_jump(inputs):
-            self._jump_from(inputs)
+            self._start_jump(inputs)
         if self._time_s is None:
-            return self._stand.act(self._since_landing(inputs))
+            return self._stand.act(self._stance_inputs(inputs))
         self._time_s += 1.0 / self.rate_hz
         flown_s = self._time_s - self._plan.take_off_s
         if flown_s < 0.0:
@@ -67,8 +67,8 @@ class Jump:
         if flown_s < self._plan.flight_s + landing.lasts_s:
             gains = self._config.air if flown_s < self._plan.flight_s else landing.gains
             return self._fly(inputs, flown_s, gains)
-        self._take_stand(inputs)
-        return self._stand.act(self._since_landing(inputs))
+        self._start_stance(inputs)
+        return self._stand.act(self._stance_inputs(inputs))
 
     def stance(self) -> np.ndarray | None:
         if self._time_s is None:
@@ -78,25 +78,25 @@ class Jump:
 
     def _begin(self) -> None:
         self._time_s: float | None = None  # since the start of the crouch; None in stance
-        self._stood_s = 0.0  # policy time at which the current stance began
+        self._stance_start_s = 0.0  # policy time at which the current stance began
         self._yaw, self._height = 0.0, self._config.plan.stance.height_m
 
     def _requests_jump(self, inputs: PolicyInput) -> bool:
         """Whether the command asks for a jump and the robot has stood long enough on all feet."""
         plan = self._stand.stance()
         if plan is None or plan.min() < 1.0:
-            self._stood_s = inputs.time_s
-        rested = inputs.time_s - self._stood_s >= self._config.settle_s
-        return rested and bool(inputs.command[0] > self._config.plan.command.standing_command)
+            self._stance_start_s = inputs.time_s
+        settled = inputs.time_s - self._stance_start_s >= self._config.settle_s
+        return settled and bool(inputs.command[0] > self._config.plan.command.standing_command)
 
-    def _take_stand(self, inputs: PolicyInput) -> None:
-        self._time_s, self._stood_s = None, inputs.time_s
+    def _start_stance(self, inputs: PolicyInput) -> None:
+        self._time_s, self._stance_start_s = None, inputs.time_s
         self._stand.reset(inputs)
 
-    def _since_landing(self, inputs: PolicyInput) -> PolicyInput:
-        return inputs._replace(time_s=inputs.time_s - self._stood_s, command=_ZERO_COMMAND)
+    def _stance_inputs(self, inputs: PolicyInput) -> PolicyInput:
+        return inputs._replace(time_s=inputs.time_s - self._stance_start_s, command=_ZERO_COMMAND)
 
-    def _jump_from(self, inputs: PolicyInput) -> None:
+    def _start_jump(self, inputs: PolicyInput) -> None:
         self._time_s = 0.0
         self._yaw, self._height = _yaw(inputs), inputs.base_height
         self._control.reset()
@@ -104,41 +104,41 @@ class Jump:
     def _push(self, inputs: PolicyInput, time_s: float) -> JointCommand:
         """Command that moves the base along its planned path while the feet stand."""
         config, body, sensed = self._config.push, self._control.body, inputs.sensed
-        dynamics = observed(body, inputs)
+        dynamics = estimated_dynamics(body, inputs)
         rotation = rotation_matrix(sensed.quaternion)
-        ahead = heading_matrix(self._yaw)
+        to_world = heading_matrix(self._yaw)
         aim = self._plan.base(time_s, self._height)
-        base, velocity = -dynamics.middle.dot(ahead), rotation.dot(inputs.base_velocity).dot(ahead)
-        base[0] += self._config.plan.stance.shift_m
-        deviation, rate = base.copy(), velocity.copy()
+        position = -dynamics.middle.dot(to_world)  # of the base, heading frame
+        velocity = rotation.dot(inputs.base_velocity).dot(to_world)
+        position[0] += self._config.plan.stance.shift_m
+        deviation, rate = position.copy(), velocity.copy()
         deviation[[0, 2]] -= aim.position
         rate[[0, 2]] -= aim.velocity
-        desired = config.centre(deviation, rate)
-        desired[[0, 2]] += aim.acceleration
+        acceleration = config.centre(deviation, rate)
+        acceleration[[0, 2]] += aim.acceleration
         roll, pitch, yaw = roll_pitch_yaw(rotation)
-        turn = np.array([roll, pitch, wrap_angle(yaw - self._yaw)])
-        turning = config.attitude(turn, sensed.gyro)
-        still = np.zeros_like(sensed.joint_position)
-        goal = Desired(
-            centre=ahead.dot(desired),
-            momentum_rate=rotation.dot(self._inertia.dot(turning)),
-            attitude=turning,
+        tilt = np.array([roll, pitch, wrap_angle(yaw - self._yaw)])
+        angular = config.attitude(tilt, sensed.gyro)  # angular acceleration
+        desired = Desired(
+            centre=to_world.dot(acceleration),
+            momentum_rate=rotation.dot(self._inertia.dot(angular)),
+            attitude=angular,
             feet=np.zeros((body.feet, 6)),
-            joints=still,
+            joints=np.zeros_like(sensed.joint_position),
         )
-        position, rates = sensed.joint_position, sensed.joint_velocity
-        return self._control.command(dynamics, position, rates, goal, self._max_force)
+        angles, rates = sensed.joint_position, sensed.joint_velocity
+        return self._control.command(dynamics, angles, rates, desired, self._max_force)
 
     def _fly(self, inputs: PolicyInput, flown_s: float, gains: JointGains) -> JointCommand:
-        """Command that moves the feet along their planned path, level."""
+        """Command that moves the feet along their planned path, which stays level."""
         legs, sensed = self._legs, inputs.sensed
         feet, velocity = self._plan.feet(flown_s)
-        level = heading_matrix(_yaw(inputs)).T.dot(rotation_matrix(sensed.quaternion))  # base to level
-        angles = legs.solve((self._feet_at_rest + feet).dot(level))
-        motion = np.tile(velocity.dot(level), (legs.count, 1))[:, :, None]
+        to_level = heading_matrix(_yaw(inputs)).T.dot(rotation_matrix(sensed.quaternion))  # from the base
+        angles = legs.solve((self._feet_at_rest + feet).dot(to_level))
+        foot_velocity = np.tile(velocity.dot(to_level), (legs.count, 1))[:, :, None]
         position = legs.scatter(angles, self._robot.default_pose)
         pose = legs.pose(position)
-        rates = legs.joint_rates(pose.jacobian, motion)[:, :, 0]
+        rates = legs.joint_rates(pose.jacobian, foot_velocity)[:, :, 0]
         zero = np.zeros_like(sensed.joint_position)
         return JointCommand(
             position,

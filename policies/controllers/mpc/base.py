@@ -75,7 +75,7 @@ class Disturbance:
 
     def reset(self) -> None:
         """Clear earlier disturbances."""
-        self._left_s = 0.0
+        self._remaining_s = 0.0
 
     def active(self, base: Base, walking: bool, offset_m: float, dt_s: float) -> bool:
         """Whether the base is, or was within `calm_s`, too fast, too tilted or too far from its feet.
@@ -90,10 +90,10 @@ class Disturbance:
         limit = config.stop_speed_m_s if walking else config.start_speed_m_s
         tilted = max(abs(base.roll), abs(base.pitch)) > config.start_tilt_rad
         if abs(base.speed) > limit or tilted or (not walking and offset_m > config.max_offset_m):
-            self._left_s = config.calm_s
+            self._remaining_s = config.calm_s
         else:
-            self._left_s = max(0.0, self._left_s - dt_s)
-        return self._left_s > 0.0
+            self._remaining_s = max(0.0, self._remaining_s - dt_s)
+        return self._remaining_s > 0.0
 
 
 def capture_offset_m(base: Base, centre_of_mass: np.ndarray, feet: np.ndarray) -> float:
@@ -104,27 +104,26 @@ def capture_offset_m(base: Base, centre_of_mass: np.ndarray, feet: np.ndarray) -
         centre_of_mass: (3,) m, in the base's frame.
         feet: (feet, 3) m, in the base's frame.
     """
-    ahead, left, up = (base.rotation @ (centre_of_mass - feet.mean(axis=0))).tolist()
+    forward, leftward, up = (base.rotation @ (centre_of_mass - feet.mean(axis=0))).tolist()
     x, y, _ = base.velocity.tolist()
     fall_s = math.sqrt(max(up, 0.0) / GRAVITY_M_S2)
-    return math.hypot(ahead + x * fall_s, left + y * fall_s)
+    return math.hypot(forward + x * fall_s, leftward + y * fall_s)
 
 
 def body_state(
-    base: Base, centre_of_mass: np.ndarray, to_heading: np.ndarray, legs_turn: np.ndarray
+    base: Base, centre_of_mass: np.ndarray, to_heading: np.ndarray, leg_rotation: np.ndarray
 ) -> BodyState:
     """State of the centre of mass in the heading frame, whose origin is on the ground below the base.
 
     Args:
         base: state of the base.
         centre_of_mass: (3,) m, in the base's frame.
-        to_heading: (3, 3), from the heading frame to the world.
-        legs_turn: (3,) rad/s, base frame, angular velocity of the whole robot minus that of the base.
+        to_heading: (3, 3), by which a row vector in the world is multiplied for the heading frame.
+        leg_rotation: (3,) rad/s, base frame, angular velocity of the whole robot minus that of the base.
     """
     centre = base.rotation @ centre_of_mass
     rate = base.rotation @ base.gyro
-    vectors = np.array([centre, rate + base.rotation @ legs_turn, base.velocity + cross(rate, centre)]).dot(
-        to_heading
-    )
+    velocity = base.velocity + cross(rate, centre)
+    vectors = np.array([centre, rate + base.rotation @ leg_rotation, velocity]).dot(to_heading)
     x, y, z = vectors[0].tolist()
     return BodyState(np.array([base.roll, base.pitch, 0.0, x, y, z + base.height]), vectors[1:].ravel())

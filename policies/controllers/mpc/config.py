@@ -20,8 +20,8 @@ class Horizon:
     """Length of the prediction horizon, and how often the quadratic program is solved."""
 
     steps: int
-    step_s: float
-    solve_hz: float
+    step_s: float  # duration of a step
+    solve_hz: float  # solutions per second
 
     def __post_init__(self) -> None:
         require_positive(self, "solve_hz")
@@ -84,7 +84,7 @@ class StanceConfig:
 class SwingConfig:
     """Swing trajectories and their impedance."""
 
-    height_m: float
+    height_m: float  # height of a foot at mid-swing
     depth_m: float  # depth below the ground at which a swing ends, for a firm touch-down
     kp: float  # N m/rad, impedance of the joints around the trajectory
     kd: float  # N m s/rad
@@ -110,9 +110,9 @@ class CatchConfig:
 class FootholdConfig:
     """Footholds (see `policies/controllers/mpc/footholds.py`)."""
 
-    capture_gain_s: float
-    max_step_m: float
-    catch: CatchConfig | None = None  # for two feet; replaces the settings above
+    capture_gain_s: float  # feedback on the velocity error, `k` in `foothold`
+    max_step_m: float  # largest distance of a foothold from the nominal position under the body
+    catch: CatchConfig | None = None  # for two feet; replaces both settings above
 
     def __post_init__(self) -> None:
         require_not_negative(self, "capture_gain_s", "max_step_m")
@@ -122,10 +122,10 @@ class FootholdConfig:
 class Restart:
     """Conditions for stepping although the command is zero."""
 
-    start_speed_m_s: float  # speed of the base above which it starts to step
-    stop_speed_m_s: float  # speed of the base below which it stands again
-    start_tilt_rad: float
-    calm_s: float  # time without disturbance before it stands again
+    start_speed_m_s: float  # speed of the base above which the robot starts to step
+    stop_speed_m_s: float  # speed of the base below which the robot stands again
+    start_tilt_rad: float  # tilt of the base above which the robot steps
+    calm_s: float  # time without disturbance before the robot stands again
     max_offset_m: float = 1.0  # largest distance of the capture point from the middle of the standing feet
 
     def __post_init__(self) -> None:
@@ -149,7 +149,7 @@ class MpcConfig:
     restart: Restart
     friction_compensation: float  # share of the gearbox friction that is compensated by feed-forward
     settle_s: float  # duration of the move from the height at reset to the stance, before any step
-    gaits: tuple[str, ...] = ()  # gaits that it can change to while walking, including its own
+    gaits: tuple[str, ...] = ()  # gaits to which the robot can change while it walks, including `gait`
     max_attitude_rad: float = 0.1  # largest roll and pitch of the live settings
     slope: SlopeConfig | None = None  # None: the ground is assumed to be level
     legs_turn_base: bool = False  # swinging legs turn the base: relevant in gaits with a flight phase

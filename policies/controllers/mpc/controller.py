@@ -110,7 +110,7 @@ class Mpc:
         return self.forces.solve_ms
 
     @property
-    def late(self) -> int:
+    def fallbacks(self) -> int:
         """Number of solves that daqp did not finish within its iteration limit."""
         return self.forces.solver.fallbacks
 
@@ -161,14 +161,14 @@ class Mpc:
         pose = self._legs.pose(inputs.sensed.joint_position)
         inputs = self.slope.follow(inputs, pose.foot, self._planned, dt_s)
         base = self.follower.follow(inputs, dt_s)
-        self._step_clock(inputs, base, pose, dt_s)
+        self._advance_clock(inputs, base, pose, dt_s)
         self._planned = planned = self._planned_stance()
         self._grip.follow(inputs.sensed, pose, base.rotation[2], planned, dt_s)
         self.reference.advance(base, self.command.value, dt_s)
 
         self.swing_feet.shift = self.slope.downhill(base.yaw, base.height)
         stands, progress = self.clock.stance(), self.clock.swing().tolist()
-        swinging = [leg for leg, stands_now in enumerate(stands.tolist()) if not stands_now]
+        swinging = [leg for leg, in_stance in enumerate(stands.tolist()) if not in_stance]
         for leg in swinging:
             self.swing_feet.aim(
                 leg,
@@ -186,17 +186,18 @@ class Mpc:
             lifting = [leg for leg in swinging if leg not in self._swinging]
             self.swing_feet.lift_off[lifting] = feet[lifting]
             self._swinging, self.stands = swinging, stands
-            self._plan(base, feet, self._turn_of_legs(inputs))
+            self._plan(base, feet, self._leg_rotation(inputs))
             self._ticks_to_solve = max(1, round(self.rate_hz / self._config.horizon.solve_hz))
 
         swing = self.swing_feet.motion(swinging, progress, base, self.clock.timing.swing_s)
         command = self._joints(inputs, base, pose, swing)
-        self._lookahead.sent(command, self._acceleration(base, pose), planned)
+        self._lookahead.record(command, self._acceleration(base, pose), planned)
         return command
 
-    def _turn_of_legs(self, inputs: PolicyInput) -> np.ndarray:
-        """Angular velocity (3,) rad/s, base frame, that the legs' motion adds to that of the whole robot.
-        A leg that swings forward in flight turns the base backward, because no external force acts.
+    def _leg_rotation(self, inputs: PolicyInput) -> np.ndarray:
+        """Angular velocity (3,) rad/s, base frame, of the whole robot minus that of the base.
+
+        It is due to the motion of the legs: a leg that swings forward in flight turns the base backward.
         """
         if not self._config.legs_turn_base:
             return np.zeros(3)
@@ -209,11 +210,11 @@ class Mpc:
         world."""
         body = self._body
         wrenches = self.wrenches.dot(base.rotation)
-        turn = body.inverse_inertia @ wrenches.about(pose.foot - body.centre)
-        linear = np.add.reduce(wrenches.force) / body.mass - cross(turn, body.centre)
-        both = np.array([linear, turn]).dot(base.rotation.T)
-        both[0] += self.slope.gravity
-        return both.dot(self.slope.axes.T).ravel()
+        angular = body.inverse_inertia @ wrenches.about(pose.foot - body.centre)
+        linear = np.add.reduce(wrenches.force) / body.mass - cross(angular, body.centre)
+        acceleration = np.array([linear, angular]).dot(base.rotation.T)
+        acceleration[0] += self.slope.gravity
+        return acceleration.dot(self.slope.axes.T).ravel()
 
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         """Joint commands for the planned forces and the motion of the swing feet (`SwingFeet.motion`)."""
@@ -243,7 +244,7 @@ class Mpc:
             return np.ones(self._legs.count)
         return contact_trust(self.clock.phases(), self.clock.timing.duty, edge=0.1)
 
-    def _step_clock(self, inputs: PolicyInput, base: Base, pose: LegPose, dt_s: float) -> None:
+    def _advance_clock(self, inputs: PolicyInput, base: Base, pose: LegPose, dt_s: float) -> None:
         settled = inputs.time_s >= self._config.settle_s
         if settled:
             self.command.advance(inputs.command, dt_s)
@@ -256,13 +257,13 @@ class Mpc:
             self._live.take_up(self.clock)
         self.clock.advance(dt_s, settled and walk and not self._live.gait)
 
-    def _plan(self, base: Base, feet: np.ndarray, legs_turn: np.ndarray) -> None:
+    def _plan(self, base: Base, feet: np.ndarray, leg_rotation: np.ndarray) -> None:
         """Solve for the feet's forces; if that fails, keep the previous forces of the feet in stance."""
         began = time.perf_counter()
         contacts = self.clock.planned_stance(self.reference.middle_of_step)
         contacts[0] = self.stands
         to_heading = heading_matrix(base.yaw)
-        state = body_state(base, self._body.centre, to_heading, legs_turn)
+        state = body_state(base, self._body.centre, to_heading, leg_rotation)
         reference = self.reference.over_horizon(base, self.command.value)
         points = np.array([feet, self.swing_feet.target]) - base.position
         points[:, :, 2] = 0.0  # on the ground

@@ -17,7 +17,7 @@ def foothold(
     desired_velocity: complex,
     yaw: float,
     yaw_rate: float,
-    swing_left_s: float,
+    remaining_s: float,
     stance_s: float,
     config: FootholdConfig,
 ) -> complex:
@@ -37,16 +37,16 @@ def foothold(
         desired_velocity: m/s, commanded velocity, world.
         yaw: heading, rad.
         yaw_rate: w, commanded yaw rate, rad/s.
-        swing_left_s: time until touch-down.
+        remaining_s: time until touch-down.
         stance_s: duration of the next stance.
         config: gain, and largest distance of a foothold from the nominal position under the body.
     """
-    arm = position * cmath.rect(1.0, yaw + yaw_rate * swing_left_s)
+    arm = position * cmath.rect(1.0, yaw + yaw_rate * remaining_s)
     step = 0.5 * stance_s * (velocity + 1j * yaw_rate * arm)
     step += config.capture_gain_s * (velocity - desired_velocity)
     step += 0.5 * (height_m / GRAVITY_M_S2) * (-1j * yaw_rate * velocity)
     step *= min(1.0, config.max_step_m / max(abs(step), 1e-9))
-    return base + velocity * swing_left_s + arm + step
+    return base + velocity * remaining_s + arm + step
 
 
 def contact_points(
@@ -60,7 +60,7 @@ def contact_points(
     """Position of each foot during each step of the horizon, relative to the centre of mass at that step.
 
     A foot in stance stays where it is. A foot in swing lands on its target. A foot that lifts off and lands
-    once more is then at its nominal position under the body.
+    again within the horizon is then at its nominal position under the body.
 
     Args:
         contacts: (steps, legs) boolean; the first step is the current one.
@@ -85,8 +85,10 @@ def contact_points(
 
 @cache
 def _later(contacts: bytes, legs: int) -> np.ndarray:
-    """Feet (steps, legs) that have left the position of their first stance; the contacts are given as
-    bytes."""
+    """Whether each foot (steps, legs) has left the position of its first stance.
+
+    The contacts are given as bytes, which `cache` can hash.
+    """
     stands = np.frombuffer(contacts, dtype=bool).reshape(-1, legs)
     changes = np.cumsum(stands[1:] != stands[:-1], axis=0)
     return np.concatenate([np.zeros((1, legs), dtype=bool), changes > np.where(stands[0], 0, 1)])

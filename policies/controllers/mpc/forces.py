@@ -19,7 +19,7 @@ class ForcePlanner:
     """Solves for the wrenches of the feet that move the body along its reference.
 
     Attributes:
-        wrenches: of each foot in the first step of the last plan, world.
+        wrenches: wrench of each foot in the first step of the last plan, world.
         solve_ms: duration of each plan.
     """
 
@@ -29,13 +29,13 @@ class ForcePlanner:
         self.problems = ForceProblems(body, config.horizon, config.weights, config.contact, levers)
         self.solver = BoundedSolver()
         self.solve_ms: deque[float] = deque(maxlen=_TIMINGS_KEPT)
-        self._weight_n, self._count = body.mass * GRAVITY_M_S2, robot.legs.count
+        self._weight_n, self._feet = body.mass * GRAVITY_M_S2, robot.legs.count
         self.reset()
 
     def reset(self) -> None:
         """Start with the weight shared by all feet."""
-        weight = [0.0, 0.0, self._weight_n / self._count]
-        self.wrenches = Wrenches(np.tile(weight, (self._count, 1)), np.zeros((self._count, 3)))
+        weight = [0.0, 0.0, self._weight_n / self._feet]
+        self.wrenches = Wrenches(np.tile(weight, (self._feet, 1)), np.zeros((self._feet, 3)))
 
     def plan(
         self,
@@ -51,16 +51,16 @@ class ForcePlanner:
 
         Args:
             state, reference, contacts, friction, gravity: see `ForceProblems.build`.
-            arms: its `feet`.
-            to_heading: (3, 3) rotation, vectors in the world times it are in the heading frame.
+            arms: `feet` of `ForceProblems.build`.
+            to_heading: (3, 3), by which a row vector in the world is multiplied for the heading frame.
         """
-        before = self.wrenches.force.dot(to_heading)
-        problem = self.problems.build(state, reference, contacts, arms, before, friction, gravity)
+        previous_force = self.wrenches.force.dot(to_heading)
+        problem = self.problems.build(state, reference, contacts, arms, previous_force, friction, gravity)
         solution = self.solver.solve(problem)
         if solution is None:
             force, moment = self.wrenches
             stands = contacts[0][:, None]
             self.wrenches = Wrenches(force * stands, moment * stands)
         else:
-            wrenches = self.problems.wrenches(solution, problem, self._count)
+            wrenches = self.problems.wrenches(solution, problem, self._feet)
             self.wrenches = wrenches.dot(to_heading.T)

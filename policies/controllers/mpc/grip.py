@@ -9,7 +9,7 @@ from footfall.policies.controllers.mpc.config import Contact
 from footfall.robots.kinematics import LegPose, Legs
 from footfall.robots.readings import Sensed
 
-_FRICTION_STEP = 0.05  # few values on slopes, because the solver caches programs for each
+_FRICTION_STEP = 0.05  # on slopes, friction is a multiple of it: the solver caches a program for each value
 _FILTER_S = 0.03  # time constant of the slip velocity, so that a touch-down does not count as slip
 
 
@@ -32,8 +32,8 @@ class Grip:
         """Friction coefficient for planned forces on ground of a given gradient (rise over run, not
         negative).
 
-        With less friction than its gradient, a slope holds no robot. So the coefficient is at least the
-        gradient plus the coefficient of slipping feet.
+        On a slope, a robot slides if the coefficient is below the gradient. So the coefficient is at least
+        the gradient plus the coefficient of slipping feet.
         """
         config = self._config
         friction = config.friction if self._careful_s <= 0.0 else config.slipping_friction

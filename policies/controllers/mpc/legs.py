@@ -38,10 +38,10 @@ class LegControl:
         self._friction = legs.gather(robot.motor.friction) * config.friction_compensation
         self._friction_speed = legs.gather(robot.motor.friction_speed)
         # Lower and upper limits at full size: negating and broadcasting take longer.
-        self._speeds = _about_zero(legs.gather(robot.motor.no_load_speed))
-        self._inertia_torques = _about_zero(_INERTIA_SHARE * legs.gather(robot.motor.peak_torque))
-        self._one = np.ones((legs.count, legs.hinges))
-        self._ones = _about_zero(self._one)
+        self._speeds = _symmetric(legs.gather(robot.motor.no_load_speed))
+        self._inertia_torques = _symmetric(_INERTIA_SHARE * legs.gather(robot.motor.peak_torque))
+        self._ones = np.ones((legs.count, legs.hinges))
+        self._unit_limits = _symmetric(self._ones)
         self._swing, self._stand = config.swing, config.stance
         self._stances: dict[tuple[int, ...], _Stance] = {}
         zero = np.zeros(len(robot.joint_names))
@@ -53,7 +53,7 @@ class LegControl:
         pose: LegPose,
         force: np.ndarray,
         velocity: np.ndarray,
-        turn: np.ndarray,
+        angular_velocity: np.ndarray,
         up: np.ndarray,
         swinging: list[int],
         swing: np.ndarray,
@@ -65,7 +65,7 @@ class LegControl:
             pose: kinematics at this position.
             force: (legs, 3) N, of the ground on the feet; zero for swing legs.
             velocity: (3,) m/s, commanded velocity of the base.
-            turn: (3,) rad/s, commanded angular velocity of the base.
+            angular_velocity: (3,) rad/s, commanded angular velocity of the base.
             up: (3,) vertical direction.
             swinging: the k legs in swing.
             swing: (k, 3, 3) position, velocity and acceleration of their feet, relative to the base.
@@ -74,7 +74,7 @@ class LegControl:
         # A stance foot rolls: the point on the ground stands still and carries the force.
         jacobian = pose.jacobian + stance.contact * legs.rolling_offset(pose.axes, up)
         desired = np.zeros((legs.count, 3, 2))  # velocity and acceleration of the feet
-        desired[:, :, 0] = pose.foot.dot(skew(turn)) - velocity
+        desired[:, :, 0] = pose.foot.dot(skew(angular_velocity)) - velocity
         desired[stance.swinging] = swing[:, 1:].transpose(0, 2, 1)
         rates = legs.joint_rates(jacobian, desired)
         joint_velocity = clamped(rates[:, :, 0], *self._speeds)
@@ -85,7 +85,7 @@ class LegControl:
             position[stance.swinging] = legs.solve(swing[:, 0], swinging)
         torque = clamped(inertia_torque, *self._inertia_torques)
         torque += legs.torque(jacobian, force)
-        torque += self._friction * clamped(joint_velocity / self._friction_speed, *self._ones)
+        torque += self._friction * clamped(joint_velocity / self._friction_speed, *self._unit_limits)
         values = np.array((position, joint_velocity, stance.kp, stance.kd, torque))
         return JointCommand.of(legs.scatter(values, self._outside_legs))
 
@@ -93,12 +93,12 @@ class LegControl:
         key = tuple(swinging)
         if key not in self._stances:
             contact = np.ones((self._legs.count, 3, self._legs.hinges))
-            kp, kd = 0.0 * self._one, self._stand.kd * self._one
+            kp, kd = 0.0 * self._ones, self._stand.kd * self._ones
             contact[swinging], kp[swinging], kd[swinging] = 0.0, self._swing.kp, self._swing.kd
             rows = as_slice(np.array(swinging)) if swinging else slice(0)
             self._stances[key] = _Stance(rows, contact, kp, kd)
         return self._stances[key]
 
 
-def _about_zero(limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _symmetric(limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return -limit, limit

@@ -10,7 +10,7 @@ from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.reference import Reference
 from footfall.policies.controllers.mpc.swing_feet import SwingFeet
 from footfall.policies.gaits import find_gait
-from footfall.policies.live_settings import Applied, Span, approached, shared
+from footfall.policies.live_settings import Applied, Span, moved_towards, spans_around
 from footfall.robots.description import Robot
 
 _MAX_RATES = {  # largest change of each setting per second, in its unit
@@ -36,42 +36,42 @@ class LiveMpc:
             "step_height_m": config.swing.height_m,
             "body_height_m": config.stance.height_m,
         }
-        self.spans = shared(own) | dict.fromkeys(("roll_rad", "pitch_rad"), Span(-limit, limit, 0.0))
+        self.spans = spans_around(own) | dict.fromkeys(("roll_rad", "pitch_rad"), Span(-limit, limit, 0.0))
         self.reset()
 
     def reset(self) -> None:
         """Return to the controller's own settings and gait."""
-        self._now = {name: span.default for name, span in self.spans.items()}
-        self._requested = dict(self._now)
-        self._moves = False
+        self._values = {name: span.default for name, span in self.spans.items()}
+        self._requested = dict(self._values)
+        self._changing = False
         self.gait = ""  # gait to change to once all feet stand; empty for none
-        self._present = self._config.gait.name
+        self._gait_name = self._config.gait.name
 
     @property
     def applied(self) -> Applied:
         """Gait and values that act now."""
-        return Applied(self._present, self._now)
+        return Applied(self._gait_name, self._values)
 
     def request(self, values: Mapping[str, float]) -> None:
         """Set the values to approach."""
         self._requested |= values
-        self._moves = True
+        self._changing = True
 
     def advance(self, clock: StepClock, reference: Reference, feet: SwingFeet, dt_s: float) -> None:
         """Move the values towards the requested ones, and apply them."""
-        if not self._moves:
+        if not self._changing:
             return
-        now = {
-            name: approached(value, self._requested[name], _MAX_RATES[name] * dt_s)
-            for name, value in self._now.items()
+        values = {
+            name: moved_towards(value, self._requested[name], _MAX_RATES[name] * dt_s)
+            for name, value in self._values.items()
         }
-        self._moves, self._now = now != self._requested, now
-        clock.timing = GaitTiming(now["step_period_s"], clock.timing.duty)
-        reference.requested_height, feet.height_m = now["body_height_m"], now["step_height_m"]
-        reference.attitude = np.array([now["roll_rad"], now["pitch_rad"]])
+        self._changing, self._values = values != self._requested, values
+        clock.timing = GaitTiming(values["step_period_s"], clock.timing.duty)
+        reference.requested_height, feet.height_m = values["body_height_m"], values["step_height_m"]
+        reference.attitude = np.array([values["roll_rad"], values["pitch_rad"]])
 
     def take_up(self, clock: StepClock) -> None:
         """Change to the requested gait; all feet stand."""
         new = GaitConfig(self.gait, clock.timing.period_s).clock(self._robot)
         clock.take_up(new.timing, new.offsets)
-        self._present, self.gait = self.gait, ""
+        self._gait_name, self.gait = self.gait, ""

@@ -6,10 +6,10 @@ for small roll and pitch
 
     d attitude = rate,   d rate = I^-1 sum r x f,   d position = velocity,   d velocity = g + sum f / m.
 
-Its A is nilpotent (A^2 = 0 except for gravity, which is integrated separately), so the exact discretisation
-has a closed form: a force f during step j changes rates after step k >= j by dt, and attitude and position by
-dt^2 (k - j + 1/2), times its acceleration. The program is condensed: its only variables are the forces of
-feet in contact. With one weight per state, the Hessian is a few products of small matrices.
+Its state matrix A is nilpotent (A^2 = 0 except for gravity, which is integrated separately), so the exact
+discretisation has a closed form: a force f during step j changes rates after step k >= j by dt, and attitude
+and position by dt^2 (k - j + 1/2), times its acceleration. The program is condensed: its only variables are
+the forces of feet in contact. With one weight per state, the Hessian is a few products of small matrices.
 
 A sole also exerts a moment m about its middle, which adds I^-1 m to the angular acceleration. Its centre of
 pressure stays within the sole if |m| <= lever * upward force; friction bounds the moment about z.
@@ -28,7 +28,7 @@ from footfall.robots.rigid_body import RigidBody
 
 _DOWN = np.array([0.0, 0.0, -GRAVITY_M_S2])
 _AXES = [2, 0, 1]  # forces are sorted z, x, y: daqp expects variables with simple bounds first
-_FORCE_AXES = [5, 3, 4]  # the same for the last three of six
+_FORCE_AXES = [5, 3, 4]  # the same for the last three of six components
 
 
 class BodyState(NamedTuple):
@@ -58,11 +58,11 @@ class _Pattern(NamedTuple):
 
     step: np.ndarray
     leg: np.ndarray
-    now: int  # number of contacts in the first step; they come first
-    second: np.ndarray  # (k n, k n) coupling of two forces through attitude and position
-    first: np.ndarray  # (k n, k n) coupling of two forces through the rates
+    num_first: int  # number of contacts in the first step, which come first
+    pose_coupling: np.ndarray  # (k n, k n) coupling of two forces through attitude and position
+    rate_coupling: np.ndarray  # (k n, k n) coupling of two forces through the rates
     linear: np.ndarray  # (k n, k n) Hessian of the translation, of the forces and of their changes
-    even_pull: np.ndarray  # (n,) gradient towards equal upward forces that carry the weight
+    even_gradient: np.ndarray  # (n,) gradient towards equal upward forces that carry the weight
     rows: np.ndarray
     upper: np.ndarray
     lower: np.ndarray
@@ -89,18 +89,18 @@ class ForceProblems:
         steps, dt_s = horizon.steps, horizon.step_s
         self._body, self._weights, self._contact = body, weights, contact
         self._levers, self._variables = levers, 3 if levers is None else 6
-        self._turning = _turning(body.inverse_inertia)
-        late = np.arange(steps)[:, None] - np.arange(steps)[None, :]  # steps from force j to state k
-        self._second = np.where(late >= 0, dt_s**2 * (late + 0.5), 0.0)
-        self._first = np.where(late >= 0, dt_s, 0.0)
+        self._angular_per_force = _angular_per_force(body.inverse_inertia)
+        steps_after = np.arange(steps)[:, None] - np.arange(steps)[None, :]  # steps from force j to state k
+        self._pose_by_force = np.where(steps_after >= 0, dt_s**2 * (steps_after + 0.5), 0.0)
+        self._rate_by_force = np.where(steps_after >= 0, dt_s, 0.0)
         self._weight_pose = np.array([*weights.attitude, *weights.position])
         self._weight_rate = np.array([*weights.angular_rate, *weights.velocity])
         # Rows: poses after all steps, then rates. Columns of `_free`: effect of state, rate and gravity
         # without any force. `_weight`: their weights. `_by_force`: effect of forces.
-        times, one, none = dt_s * np.arange(1, steps + 1), np.ones(steps), np.zeros(steps)
-        self._free = np.array([[one, times, times**2 / 2], [none, one, times]]).transpose(0, 2, 1)
+        times, ones, zeros = dt_s * np.arange(1, steps + 1), np.ones(steps), np.zeros(steps)
+        self._free = np.array([[ones, times, times**2 / 2], [zeros, ones, times]]).transpose(0, 2, 1)
         self._free = self._free.reshape(2 * steps, 3)
-        self._by_force = np.concatenate([self._second, self._first]).T
+        self._by_force = np.concatenate([self._pose_by_force, self._rate_by_force]).T
         self._weight = np.repeat([self._weight_pose, self._weight_rate], steps, axis=0)
         difference = np.eye(steps) - np.eye(steps, k=-1)  # change of a force from the previous step
         self._change = weights.force_change * difference.T @ difference
@@ -112,7 +112,7 @@ class ForceProblems:
         reference: BodyState,
         contacts: np.ndarray,
         feet: np.ndarray,
-        before: np.ndarray,
+        previous_force: np.ndarray,
         friction: float | None = None,
         gravity: np.ndarray = _DOWN,
     ) -> ForceProblem:
@@ -123,34 +123,35 @@ class ForceProblems:
             reference: desired state after each step.
             contacts: (steps, legs) boolean, feet in stance during each step.
             feet: (steps, legs, 3) m, contact points relative to the centre of mass, heading frame.
-            before: (legs, 3) N, forces applied last, heading frame; 0 for feet in swing.
+            previous_force: (legs, 3) N, forces applied last, heading frame; 0 for feet in swing.
             friction: coefficient that the forces may use; None: that of the settings.
             gravity: (3,) m/s^2, heading frame, whose z axis is the ground's normal.
         """
         pattern = self._pattern(contacts, friction or self._contact.friction)
         n, k = len(pattern.step), self._variables
-        turn = (self._turning @ feet[pattern.step, pattern.leg].T).reshape(3, 3, n)
+        angular = (self._angular_per_force @ feet[pattern.step, pattern.leg].T).reshape(3, 3, n)
         if k > 3:
             moments = np.broadcast_to(self._body.inverse_inertia[:, :, None], (3, 3, n))
-            turn = np.concatenate([turn, moments], axis=1)
-        flat = turn.reshape(3, k * n)
+            angular = np.concatenate([angular, moments], axis=1)
+        flat = angular.reshape(3, k * n)
         hessian = flat.T @ (self._weight_pose[:3, None] * flat)
-        hessian *= pattern.second
+        hessian *= pattern.pose_coupling
         by_rate = flat.T @ (self._weight_rate[:3, None] * flat)
-        by_rate *= pattern.first
+        by_rate *= pattern.rate_coupling
         hessian += by_rate
         hessian += pattern.linear
 
         # State without any force, minus the reference.
         deviation = self._free.dot(np.array([state.pose, state.rate, [0.0, 0.0, 0.0, *gravity.tolist()]]))
         deviation -= np.concatenate(reference)
-        pull = self._by_force.dot(self._weight * deviation)  # (steps, 6)
-        pull = pull.take(pattern.step, axis=0).T  # (6, n)
-        gradient = (turn * pull[:3, None]).sum(axis=0)
-        gradient[:3] += pull[_FORCE_AXES] / self._body.mass
-        gradient[0] -= pattern.even_pull
-        now = pattern.leg[: pattern.now]
-        gradient[:3, : pattern.now] -= self._weights.force_change * before[now].T[_AXES]
+        # Gradient of the cost by the acceleration in each step, (steps, 6), then for each contact, (6, n).
+        acceleration_gradient = self._by_force.dot(self._weight * deviation)
+        acceleration_gradient = acceleration_gradient.take(pattern.step, axis=0).T
+        gradient = (angular * acceleration_gradient[:3, None]).sum(axis=0)
+        gradient[:3] += acceleration_gradient[_FORCE_AXES] / self._body.mass
+        gradient[0] -= pattern.even_gradient
+        legs = pattern.leg[: pattern.num_first]
+        gradient[:3, : pattern.num_first] -= self._weights.force_change * previous_force[legs].T[_AXES]
         return ForceProblem(
             hessian,
             gradient.reshape(k * n),
@@ -164,12 +165,13 @@ class ForceProblems:
     def wrenches(self, solution: np.ndarray, problem: ForceProblem, legs: int) -> Wrenches:
         """Wrenches of the feet in the first step, heading frame, from a solution (k n,)."""
         force, moment = np.zeros((2, legs, 3))
-        now = np.count_nonzero(problem.step == 0)
-        parts = solution.reshape(self._variables, -1)[:, :now]
-        z, x, y = parts[:3]
-        force[problem.leg[:now]] = np.array([x, y, z]).T
-        if len(parts) > 3:
-            moment[problem.leg[:now]] = parts[3:].T
+        num_first = np.count_nonzero(problem.step == 0)
+        legs_in_stance = problem.leg[:num_first]
+        variables = solution.reshape(self._variables, -1)[:, :num_first]
+        z, x, y = variables[:3]
+        force[legs_in_stance] = np.array([x, y, z]).T
+        if len(variables) > 3:
+            moment[legs_in_stance] = variables[3:].T
         return Wrenches(force, moment)
 
     def _pattern(self, contacts: np.ndarray, friction: float) -> _Pattern:
@@ -181,29 +183,29 @@ class ForceProblems:
     def _new_pattern(self, contacts: np.ndarray, friction: float) -> _Pattern:
         step, leg = np.nonzero(contacts)
         n, k = len(step), self._variables
-        second = (self._second.T @ self._second)[np.ix_(step, step)]
-        first = (self._first.T @ self._first)[np.ix_(step, step)]
+        pose_coupling = (self._pose_by_force.T @ self._pose_by_force)[np.ix_(step, step)]
+        rate_coupling = (self._rate_by_force.T @ self._rate_by_force)[np.ix_(step, step)]
         change = self._change[np.ix_(step, step)] * (leg[:, None] == leg)
         linear = np.diag(np.repeat([self._weights.force, self._weights.moment], [3 * n, (k - 3) * n]))
         linear[: 3 * n, : 3 * n] += np.kron(np.eye(3), change)
         for axis, state in enumerate(_FORCE_AXES):
             block = slice(axis * n, (axis + 1) * n)
-            shared = self._weight_pose[state] * second + self._weight_rate[state] * first
-            linear[block, block] += shared / self._body.mass**2
+            coupling = self._weight_pose[state] * pose_coupling + self._weight_rate[state] * rate_coupling
+            linear[block, block] += coupling / self._body.mass**2
         # For each variable except the upward force: its largest ratio to the upward force.
         ratios = [np.full(n, friction)] * 2
         if self._levers is not None:
             ratios += list((self._levers[leg] * [1.0, 1.0, friction]).T)
         rows = _pyramids(ratios)
-        standing = np.maximum(contacts.sum(axis=1), 1)[step]
+        num_stance = np.maximum(contacts.sum(axis=1), 1)[step]
         return _Pattern(
             step,
             leg,
             int(contacts[0].sum()),
-            np.tile(second, (k, k)),
-            np.tile(first, (k, k)),
+            np.tile(pose_coupling, (k, k)),
+            np.tile(rate_coupling, (k, k)),
             linear,
-            self._weights.force * self._body.mass * GRAVITY_M_S2 / standing,
+            self._weights.force * self._body.mass * GRAVITY_M_S2 / num_stance,
             rows,
             np.concatenate([np.full(n, self._contact.max_force_n), np.zeros(len(rows))]),
             np.concatenate([np.zeros(n), np.full(len(rows), -1e30)]),
@@ -220,7 +222,7 @@ def _pyramids(ratios: list[np.ndarray]) -> np.ndarray:
     return rows.reshape(2 * len(ratios) * size, (1 + len(ratios)) * size)
 
 
-def _turning(inverse_inertia: np.ndarray) -> np.ndarray:
+def _angular_per_force(inverse_inertia: np.ndarray) -> np.ndarray:
     """Matrix (9, 3) whose product with a force's arm (3,) gives the angular acceleration per force.
     The 9 rows are: axis of the acceleration (3), by axis of the force (3, sorted z, x, y).
     """

@@ -43,27 +43,27 @@ class Reference:
         stance = self._stance
         forward, leftward, yaw_rate = command.tolist()
         self.velocity = complex(forward, leftward) * cmath.rect(1.0, base.yaw)
-        ahead = self.xy + self.velocity * dt_s - base.xy
+        lead = self.xy + self.velocity * dt_s - base.xy
         limit = stance.max_position_lead_m
-        self.xy = base.xy + (ahead if abs(ahead) <= limit else ahead * (limit / abs(ahead)))
-        turned = wrap_angle(self.yaw + yaw_rate * dt_s - base.yaw)
+        self.xy = base.xy + (lead if abs(lead) <= limit else lead * (limit / abs(lead)))
+        yaw_lead = wrap_angle(self.yaw + yaw_rate * dt_s - base.yaw)
         limit = stance.max_yaw_lead_rad
-        self.yaw = base.yaw + min(limit, max(-limit, turned))
-        climb = self.requested_height - self.height
-        self.height += min(1.0, dt_s / self._settle_s) * climb
+        self.yaw = base.yaw + min(limit, max(-limit, yaw_lead))
+        height_error = self.requested_height - self.height
+        self.height += min(1.0, dt_s / self._settle_s) * height_error
 
     def over_horizon(self, base: Base, command: np.ndarray) -> BodyState:
         """Commanded motion after each step of the horizon, (steps, 6) each, in the heading frame."""
         forward, leftward, yaw_rate = command.tolist()
-        later = self._end_of_step
-        yaw = wrap_angle(self.yaw - base.yaw) + yaw_rate * later
+        times_s = self._end_of_step
+        yaw = wrap_angle(self.yaw - base.yaw) + yaw_rate * times_s
         heading = np.exp(1j * yaw)
         velocity = heading * complex(forward, leftward)
-        ahead = (self.xy - base.xy) * cmath.rect(1.0, -base.yaw)
+        lead = (self.xy - base.xy) * cmath.rect(1.0, -base.yaw)
         centre_x, centre_y, centre_z = self._centre.tolist()
-        xy = ahead + velocity.cumsum() * self._step_s
+        xy = lead + velocity.cumsum() * self._step_s
         xy += heading * complex(centre_x, centre_y)
-        pose, rate = np.zeros((len(later), 6)), np.zeros((len(later), 6))
+        pose, rate = np.zeros((len(times_s), 6)), np.zeros((len(times_s), 6))
         pose[:, :2] = self.attitude
         pose[:, 2], rate[:, 2] = yaw, yaw_rate
         pose[:, 3], pose[:, 4] = xy.real, xy.imag

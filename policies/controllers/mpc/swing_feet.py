@@ -32,7 +32,7 @@ class SwingFeet:
     ) -> None:
         self._swing, self._foothold, self._catch = config.swing, config.foothold, config.foothold.catch
         self.positions, self._centre = positions, centre
-        self._ahead = (positions[:, 0] + 1j * positions[:, 1]).tolist()
+        self._positions_xy = (positions[:, 0] + 1j * positions[:, 1]).tolist()
         self._touch_down = np.zeros((len(positions), 3))  # centre of each foot above the ground at touch-down
         self._touch_down[:, 2] = foot_radius - config.swing.depth_m
         self.height_m = config.swing.height_m
@@ -44,7 +44,7 @@ class SwingFeet:
         count = len(self.positions)
         self.lift_off = np.zeros((count, 3))  # m, world
         self.target = np.zeros((count, 3))  # m, world, on the ground
-        self._seen_from: tuple[list[int], Base | None] = [], None  # feet in swing, and the base
+        self._last_motion: tuple[list[int], Base | None] = [], None  # feet in swing, and the base
 
     @property
     def shifted_positions(self) -> np.ndarray:
@@ -74,17 +74,17 @@ class SwingFeet:
             yaw_rate: commanded yaw rate, rad/s.
             gait: timing of the gait.
         """
-        left_s = (1.0 - progress) * gait.swing_s
+        remaining_s = (1.0 - progress) * gait.swing_s
         if self._catch is None:
             target = foothold(
-                self._ahead[leg] + self.shift,
+                self._positions_xy[leg] + self.shift,
                 base.xy,
                 base.height,
                 base.speed,
                 desired,
                 base.yaw,
                 yaw_rate,
-                left_s,
+                remaining_s,
                 gait.stance_s,
                 self._foothold,
             )
@@ -97,20 +97,20 @@ class SwingFeet:
                 math.copysign(1.0, self.positions[leg, 1]),
                 desired,
                 yaw_rate,
-                left_s,
+                remaining_s,
                 gait,
                 self._catch,
             )
         self.target[leg, 0], self.target[leg, 1] = target.real, target.imag
 
     def footholds(self, axes: np.ndarray) -> np.ndarray:
-        """Footholds of swing feet relative to the base, heading frame, (feet, 3) m; NaN for the others.
+        """Footholds of swing feet relative to the base, heading frame, (feet, 3) m; NaN for stance feet.
 
         Args:
-            axes: (3, 3) rotation to the world from the frame in which the feet are followed.
+            axes: (3, 3) rotation from the ground's axes to the world (`Slope.axes`).
         """
         positions = np.full_like(self.target, np.nan)
-        swinging, base = self._seen_from
+        swinging, base = self._last_motion
         if base is not None:
             yaw = roll_pitch_yaw(axes @ base.rotation)[2]
             positions[swinging] = (self.target[swinging] - base.position) @ axes.T @ heading_matrix(yaw)
@@ -118,7 +118,7 @@ class SwingFeet:
 
     def motion(self, swinging: list[int], progress: list[float], base: Base, swing_s: float) -> np.ndarray:
         """Motion of swing feet relative to the moving base, (k, 3, 3): see `LegControl.command`."""
-        self._seen_from = swinging, base
+        self._last_motion = swinging, base
         if not swinging:
             return _NO_SWING
         lift_off, landing = self.lift_off.tolist(), (self.target + self._touch_down).tolist()

@@ -19,7 +19,7 @@ from footfall.policies.controllers.mpc.controller import Mpc
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.whole_body.control import WholeBodyConfig, WholeBodyControl
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
-from footfall.policies.controllers.whole_body.feedback import Feedback, observed
+from footfall.policies.controllers.whole_body.feedback import Feedback, estimated_dynamics
 from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -33,9 +33,9 @@ class MpcWholeBodyConfig:
 
     plan: MpcConfig  # its stance.kd, swing.kp, swing.kd and friction_compensation are not used
     swing: Feedback  # feedback on the trajectories of the swing feet
-    posture: Feedback  # feedback of the joints on the default pose
+    posture: Feedback  # feedback of the joints towards the default pose
     whole_body: WholeBodyConfig
-    sole: Feedback | None = None  # feedback of swing soles on level and the base's heading; None: point feet
+    sole: Feedback | None = None  # levels swing soles and turns them to the base's heading; None: point feet
 
 
 class MpcWholeBody(Mpc):
@@ -63,12 +63,12 @@ class MpcWholeBody(Mpc):
 
     def _joints(self, inputs: PolicyInput, base: Base, pose: LegPose, swing: np.ndarray) -> JointCommand:
         body, sensed = self.control.body, inputs.sensed
-        dynamics = observed(body, inputs, self.slope.gravity)
-        turning = self.wrenches.about(dynamics.foot - dynamics.centre)
+        dynamics = estimated_dynamics(body, inputs, self.slope.gravity)
+        moment = self.wrenches.about(dynamics.foot - dynamics.centre)
         desired = Desired(
             centre=self.force.sum(axis=0) / self._body.mass + dynamics.gravity,
-            momentum_rate=turning,
-            attitude=self._body.inverse_inertia @ (turning @ base.rotation),
+            momentum_rate=moment,
+            attitude=self._body.inverse_inertia @ (moment @ base.rotation),
             feet=self._foot_accelerations(dynamics, sensed.joint_velocity, base, pose, swing),
             joints=self._posture(sensed.joint_position - self._default_pose, sensed.joint_velocity),
         )
@@ -91,12 +91,12 @@ class MpcWholeBody(Mpc):
             feet[swinging, :3] = (swing[:, 2] + correction) @ base.rotation.T
             if self._sole_feedback is not None:
                 spin = dynamics.foot_jacobian[swinging, 3:] @ dynamics.velocity
-                turned = _from_level(dynamics.foot_rotation[swinging], base.yaw)
-                feet[swinging, 3:] = self._sole_feedback(turned, spin)
+                sole_error = _from_level(dynamics.foot_rotation[swinging], base.yaw)
+                feet[swinging, 3:] = self._sole_feedback(sole_error, spin)
         return feet
 
 
 def _from_level(rotation: np.ndarray, yaw: float) -> np.ndarray:
     """Small rotation vectors (k, 3), world, from level soles with the base's yaw to soles (k, 3, 3)."""
-    askew = [wrap_angle(math.atan2(sole[1, 0], sole[0, 0]) - yaw) for sole in rotation]
-    return np.column_stack([-rotation[:, 1, 2], rotation[:, 0, 2], askew])
+    yaw_errors = [wrap_angle(math.atan2(sole[1, 0], sole[0, 0]) - yaw) for sole in rotation]
+    return np.column_stack([-rotation[:, 1, 2], rotation[:, 0, 2], yaw_errors])

@@ -20,8 +20,8 @@ class Wrenches(NamedTuple):
     def pressure(self, leg: int) -> complex:
         """Centre of pressure of a foot relative to its middle, m, x + i y; 0 without force."""
         x, y, _ = self.moment[leg].tolist()
-        up = float(self.force[leg, 2])
-        return complex(-y, x) / up if up > 0.0 else 0j
+        upward_n = float(self.force[leg, 2])
+        return complex(-y, x) / upward_n if upward_n > 0.0 else 0j
 
     def about(self, arms: np.ndarray) -> np.ndarray:
         """Total moment (3,), N m, about a point, with arms (legs, 3), m, from that point to the feet."""
@@ -45,7 +45,9 @@ def sole_levers(robot: Robot, share: float) -> np.ndarray:
         (legs, 3) m.
     """
     levers = []
-    for turn, spheres in zip(robot.legs.tip_rotation(robot.default_pose), robot.legs.spheres, strict=True):
-        along, across, _ = np.abs(spheres.centre @ turn.T).mean(axis=0)
+    for rotation, spheres in zip(
+        robot.legs.tip_rotation(robot.default_pose), robot.legs.spheres, strict=True
+    ):
+        along, across, _ = np.abs(spheres.centre @ rotation.T).mean(axis=0)
         levers.append([across, along, np.hypot(along, across)])
     return share * np.array(levers)

@@ -6,7 +6,7 @@ import numpy as np
 
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 
-MAX_M = 0.06  # a larger offset is a wrong torque, not a load
+MAX_OFFSET_M = 0.06  # a larger offset is due to a wrong torque, not to a load
 
 
 class CentreOffset:
@@ -39,19 +39,20 @@ class CentreOffset:
         pressure = centre_of_pressure(dynamics, joint_torque)
         if pressure is None:
             return
-        spin_x, spin_y = (dynamics.angular_momentum[:2] / self._weight_n).tolist()
-        motion = dynamics.centre_velocity[:2] / self._fall_rate**2 + np.array([spin_y, -spin_x])
+        momentum_x, momentum_y = (dynamics.angular_momentum[:2] / self._weight_n).tolist()
+        motion = dynamics.centre_velocity[:2] / self._fall_rate**2 + np.array([momentum_y, -momentum_x])
         self._first = motion if self._first is None else self._first
         self._count += 1
         self._sum += pressure - dynamics.centre[:2]
         offset = (self._sum + (motion - self._first) * self._rate_hz) / self._count
-        self.value = offset * min(1.0, MAX_M / max(math.hypot(*offset), 1e-9))
+        self.value = offset * min(1.0, MAX_OFFSET_M / max(math.hypot(*offset), 1e-9))
 
 
 def centre_of_pressure(dynamics: Dynamics, joint_torque: np.ndarray) -> np.ndarray | None:
     """Centre of pressure (2,) m of all feet, axes of the dynamics, of a robot at rest.
 
-    None if the joints do not determine the wrenches, a torque is unknown, or the ground does not press.
+    None if the joints do not determine the wrenches, a torque is unknown, or the total upward force is not
+    positive.
     """
     feet = len(dynamics.foot)
     if not np.isfinite(joint_torque).all():

@@ -31,9 +31,9 @@ class Gait:
 class SwingConfig:
     """Motion of the swing foot."""
 
-    lift_m: float
+    lift_m: float  # largest height above the ground
     depth_m: float  # depth below the ground at which a swing ends
-    place: Feedback
+    place: Feedback  # feedback on the foot's position
     attitude: Feedback
 
     def __post_init__(self) -> None:
@@ -61,7 +61,7 @@ class Start:
 
     capture_m: float  # distance of the capture point from the middle of the feet that triggers a step
     near_m: float  # lateral distance of the capture point to the stance foot at lift-off of the other foot
-    max_s: float  # longest shift before lift-off
+    max_s: float  # longest duration of the shift before lift-off
     urgent_m: float  # distance of the capture point ahead or behind that ends the shift at once
 
     def __post_init__(self) -> None:

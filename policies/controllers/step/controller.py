@@ -10,7 +10,12 @@ from footfall.policies.controllers.step.config import StepConfig
 from footfall.policies.controllers.step.footwork import UNLOADED, Footwork
 from footfall.policies.controllers.whole_body.control import WholeBodyControl
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
-from footfall.policies.controllers.whole_body.feedback import base_tilt, observed, pendulum_rate, standing
+from footfall.policies.controllers.whole_body.feedback import (
+    base_tilt,
+    estimated_dynamics,
+    pendulum_rate,
+    rest_dynamics,
+)
 from footfall.policies.controllers.whole_body.problem import Desired
 from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
@@ -30,7 +35,7 @@ class Step:
         self.rate_hz = config.rate_hz
         self.control = WholeBodyControl(robot, config.whole_body, 1.0 / config.rate_hz)
         body = self.control.body
-        rest = standing(body, robot)
+        rest = rest_dynamics(body, robot)
         if body.feet != 2 or not rest.foot[:, 1].min() < 0.0 < rest.foot[:, 1].max():
             raise UserError(
                 f"robot '{robot.name}' cannot be walked by 'step': it must have a left and a right foot"
@@ -44,7 +49,7 @@ class Step:
         self._begin(self.com_height_m + config.lower_m)
 
     def reset(self, inputs: PolicyInput) -> None:
-        dynamics = observed(self.control.body, inputs)
+        dynamics = estimated_dynamics(self.control.body, inputs)
         self._begin(float((dynamics.centre - dynamics.middle)[2]))
 
     def _begin(self, height: float) -> None:
@@ -69,18 +74,19 @@ class Step:
     def act(self, inputs: PolicyInput) -> JointCommand:
         config, sensed = self._config, inputs.sensed
         self._yaw = yaw_of(sensed.quaternion.tolist())
-        dynamics = observed(self.control.body, inputs)
-        settled = min(1.0, inputs.time_s / config.settle_s)
-        dynamics = self._corrected(dynamics, sensed.joint_torque, settled == 1.0)
-        pressure, feet = self.footwork.advance(dynamics, inputs.command, settled == 1.0)
+        dynamics = estimated_dynamics(self.control.body, inputs)
+        share = min(1.0, inputs.time_s / config.settle_s)
+        settled = share == 1.0
+        dynamics = self._corrected(dynamics, sensed.joint_torque, settled)
+        pressure, feet = self.footwork.advance(dynamics, inputs.command, settled)
 
         load = self.footwork.load
         bearing = load > UNLOADED
-        ground = float(load @ dynamics.foot[:, 2] / load.sum())
-        height = self._start_height + settled * (self.com_height_m - self._start_height)
+        ground_z = float(load @ dynamics.foot[:, 2] / load.sum())
+        height = self._start_height + share * (self.com_height_m - self._start_height)
         acceleration = np.zeros(3)
         acceleration[:2] = self.footwork.fall_rate**2 * (dynamics.centre[:2] - pressure)
-        deviation = np.array([dynamics.centre[2] - ground - height])
+        deviation = np.array([dynamics.centre[2] - ground_z - height])
         acceleration[2] = config.height(deviation, dynamics.centre_velocity[2:])[0]
         desired = Desired(
             centre=acceleration,
@@ -95,7 +101,7 @@ class Step:
         )
 
     def _corrected(self, dynamics: Dynamics, joint_torque: np.ndarray, settled: bool) -> Dynamics:
-        """The dynamics with the centre of mass where it is found while the robot settles on both feet."""
+        """The dynamics with the centre of mass corrected by the offset measured while the robot settled."""
         to_world = heading_matrix(self._yaw)[:2, :2]
         if not settled:
             self._offset.observe(dynamics, joint_torque)

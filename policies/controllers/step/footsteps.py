@@ -113,11 +113,11 @@ def next_step(
         weights: weights of the deviations.
     """
     growth = math.exp(rate * (nominal.time_s - elapsed_s))
-    soonest = max(limits.time_s[0] - elapsed_s, limits.min_swing_s, remaining_m / limits.speed_m_s)
-    latest = max(limits.time_s[1] - elapsed_s, soonest)
-    apart = sorted((side * limits.apart_m[0], side * limits.apart_m[1]))
-    # In (position, growth): the offset is pressure + (capture - pressure) growth - position. The steps
-    # afterwards depend on offset + lag * position: a long step needs a smaller offset.
+    soonest_s = max(limits.time_s[0] - elapsed_s, limits.min_swing_s, remaining_m / limits.speed_m_s)
+    latest_s = max(limits.time_s[1] - elapsed_s, soonest_s)
+    lateral = sorted((side * limits.apart_m[0], side * limits.apart_m[1]))
+    # Of the unknowns (position, growth), the offset is pressure + (capture - pressure) growth - position. The
+    # later steps depend on offset + lag * position: a long step needs a smaller offset.
     lead, share = capture - pressure, 1.0 - nominal.lag
     rows = np.array([[-share, 0.0, lead[0]], [0.0, -share, lead[1]]])
     aim = nominal.offset + nominal.lag * nominal.foothold - pressure
@@ -129,11 +129,11 @@ def next_step(
         hessian,
         -(diagonal * goal + weights.offset * (aim @ rows)),
         np.zeros((0, 3)),
-        np.array([limits.ahead_m[1], apart[1], math.exp(rate * latest)]),
-        np.array([limits.ahead_m[0], apart[0], math.exp(rate * soonest)]),
+        np.array([limits.ahead_m[1], lateral[1], math.exp(rate * latest_s)]),
+        np.array([limits.ahead_m[0], lateral[0], math.exp(rate * soonest_s)]),
     )
     if status <= 0 or not np.all(np.isfinite(solution)):
-        return NextStep(nominal.foothold, max(nominal.time_s - elapsed_s, soonest))
+        return NextStep(nominal.foothold, max(nominal.time_s - elapsed_s, soonest_s))
     return NextStep(np.array(solution[:2]), math.log(solution[2]) / rate)
 
 

@@ -5,11 +5,12 @@ from enum import Enum
 
 import numpy as np
 
+from footfall.common.arrays import clamped
 from footfall.common.rotations import heading_matrix, wrap_angle
 from footfall.policies.controllers.command import ShapedCommand
 from footfall.policies.controllers.step.config import StepConfig
 from footfall.policies.controllers.step.footsteps import NominalStep, capture_after, next_step, nominal_step
-from footfall.policies.controllers.step.swing import Swing, yaw_of
+from footfall.policies.controllers.step.swing import Swing, matrix_yaw
 from footfall.policies.controllers.whole_body.dynamics import Dynamics
 
 UNLOADED = 0.02  # share of its largest force at which a foot counts as unloaded, before lift-off
@@ -33,7 +34,7 @@ class Footwork:
 
     Attributes:
         phase: STAND, SHIFT or STEP, which has lasted `elapsed_s`.
-        stance_foot, swing_foot: index of the stance foot (or the next one) and of the other foot.
+        stance_foot, swing_foot: index of the current or next stance foot, and of the other foot.
         load: (2,) share of its largest force that each foot may use.
         next_foothold: (2,) m, relative to the stance foot.
         yaw: rad, yaw of the stance foot at the start of the step.
@@ -88,9 +89,9 @@ class Footwork:
         self.foothold = None
         match self.phase:
             case Phase.STAND:
-                pressure = self.both_press(dynamics, capture, dynamics.middle[:2])
+                pressure = self.double_support_pressure(dynamics, capture, dynamics.middle[:2])
             case Phase.SHIFT:
-                pressure = self.both_press(dynamics, capture, self.shifted(dynamics))
+                pressure = self.double_support_pressure(dynamics, capture, self.shift_goal(dynamics))
             case Phase.STEP:
                 pressure, feet[self.swing_foot] = self.step(dynamics, capture)
         return pressure, feet
@@ -98,26 +99,28 @@ class Footwork:
     def maybe_shift(self, dynamics: Dynamics, capture: np.ndarray, walk: bool) -> None:
         """Start to shift the weight, for a walk or because the capture point is far from the middle."""
         middle = dynamics.middle
-        away = capture[:2] - middle[:2]
-        if walk or math.hypot(away[0], away[1]) > self._config.start.capture_m:
+        offset = capture[:2] - middle[:2]
+        if walk or math.hypot(offset[0], offset[1]) > self._config.start.capture_m:
             across = dynamics.foot[0] - dynamics.foot[1]
-            self.stance_foot = 0 if away @ across[:2] > 0 else 1  # foot towards which the body leans
+            self.stance_foot = 0 if offset @ across[:2] > 0 else 1  # foot towards which the body leans
             self.swing_foot = 1 - self.stance_foot
             self.phase, self.elapsed_s = Phase.SHIFT, 0.0
 
-    def both_press(self, dynamics: Dynamics, capture: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    def double_support_pressure(
+        self, dynamics: Dynamics, capture: np.ndarray, goal: np.ndarray
+    ) -> np.ndarray:
         """Centre of pressure (2,) that moves the capture point to a goal (2,)."""
         pressure = capture[:2] + self._config.pressure.gain * (capture[:2] - goal)
         middle = dynamics.middle[:2]
         lead = pressure - middle
         return middle + lead * min(1.0, self._config.pressure.max_lead_m / max(math.hypot(*lead), 1e-9))
 
-    def shifted(self, dynamics: Dynamics) -> np.ndarray:
+    def shift_goal(self, dynamics: Dynamics) -> np.ndarray:
         """Capture point (2,) of a steady gait at lift-off of the other foot."""
         gait, nominal = self._config.gait, self.nominal(self.side[self.swing_foot])
-        begins = math.exp(-self.fall_rate * (gait.step_s - gait.double_support_s))
-        to_world = heading_matrix(yaw_of(dynamics.foot_rotation[self.stance_foot]))[:2, :2]
-        goal = dynamics.foot[self.stance_foot, :2] + to_world @ (begins * (nominal.foothold + nominal.offset))
+        decay = math.exp(-self.fall_rate * (gait.step_s - gait.double_support_s))
+        to_world = heading_matrix(matrix_yaw(dynamics.foot_rotation[self.stance_foot]))[:2, :2]
+        goal = dynamics.foot[self.stance_foot, :2] + to_world @ (decay * (nominal.foothold + nominal.offset))
         goal_along = to_world.T @ (goal - dynamics.middle[:2])
         goal_along[0] = 0.0
         return dynamics.middle[:2] + to_world @ goal_along
@@ -125,20 +128,20 @@ class Footwork:
     def maybe_lift(self, dynamics: Dynamics, capture: np.ndarray) -> None:
         """Start a step once the weight is near the stance foot, or the robot falls forward or backward."""
         start = self._config.start
-        to_heading = heading_matrix(yaw_of(dynamics.foot_rotation[self.stance_foot]))[:2, :2].T
-        missing = to_heading @ (capture[:2] - self.shifted(dynamics))
-        outwards = missing[1] * self.side[self.stance_foot]
-        shifted = outwards > -start.near_m or self.elapsed_s > start.max_s
-        if shifted or abs(missing[0]) > start.urgent_m:
-            self.lift(dynamics, shifted=True)
+        to_heading = heading_matrix(matrix_yaw(dynamics.foot_rotation[self.stance_foot]))[:2, :2].T
+        error = to_heading @ (capture[:2] - self.shift_goal(dynamics))
+        outwards = error[1] * self.side[self.stance_foot]
+        near = outwards > -start.near_m or self.elapsed_s > start.max_s
+        if near or abs(error[0]) > start.urgent_m:
+            self.lift(dynamics, after_shift=True)
 
-    def lift(self, dynamics: Dynamics, shifted: bool) -> None:
+    def lift(self, dynamics: Dynamics, after_shift: bool) -> None:
         """Start a step: the swing foot leaves the ground once it is unloaded."""
         self.phase, self.swing = Phase.STEP, None
         # After a shift the weight is already on the stance foot.
-        self.elapsed_s = self._config.gait.double_support_s if shifted else 0.0
+        self.elapsed_s = self._config.gait.double_support_s if after_shift else 0.0
         self.lands_after_s = self._config.gait.step_s
-        self.yaw = yaw_of(dynamics.foot_rotation[self.stance_foot])
+        self.yaw = matrix_yaw(dynamics.foot_rotation[self.stance_foot])
         # Foothold of the swing foot relative to the stance foot, in world axes.
         self.next_foothold = self.to_world() @ self.nominal(self.side[self.swing_foot]).foothold
         self.steps += 1
@@ -149,11 +152,12 @@ class Footwork:
         self.stance_foot, self.swing_foot = self.swing_foot, self.stance_foot
         between = dynamics.foot[self.stance_foot] - dynamics.foot[self.swing_foot]
         capture = dynamics.centre + dynamics.centre_velocity / self.fall_rate
-        away = capture[:2] - dynamics.middle[:2]
-        ahead = heading_matrix(yaw_of(dynamics.foot_rotation[self.stance_foot]))[:2, 0]
-        calm = abs(away @ ahead) < config.start.capture_m and abs(between[:2] @ ahead) < config.start.near_m
+        offset = capture[:2] - dynamics.middle[:2]
+        forward = heading_matrix(matrix_yaw(dynamics.foot_rotation[self.stance_foot]))[:2, 0]
+        calm = abs(offset @ forward) < config.start.capture_m
+        calm = calm and abs(between[:2] @ forward) < config.start.near_m
         if walk or not calm:
-            self.lift(dynamics, shifted=False)
+            self.lift(dynamics, after_shift=False)
         else:
             self.phase, self.elapsed_s, self.load, self.swing = Phase.STAND, 0.0, np.ones(2), None
 
@@ -162,81 +166,81 @@ class Footwork:
         gait, velocity = self._config.gait, self.command.value[:2]
         return nominal_step(velocity, side, gait.apart_m, gait.step_s, gait.double_support_s, self.fall_rate)
 
-    def turn(self) -> float:
+    def yaw_per_step(self) -> float:
         """Yaw per step at the current command, rad."""
         return float(self.command.value[2]) * self._config.gait.step_s
 
     def to_world(self) -> np.ndarray:
         """Rotation from the heading frame of the current step to the world, (2, 2)."""
-        return heading_matrix(self.yaw + 0.5 * self.turn())[:2, :2]
+        return heading_matrix(self.yaw + 0.5 * self.yaw_per_step())[:2, :2]
 
     def step(self, dynamics: Dynamics, capture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Centre of pressure (2,), and acceleration (6,) of the swing foot."""
         gait, rate = self._config.gait, self.fall_rate
         to_world = self.to_world()
-        stand, swing = dynamics.foot[self.stance_foot], dynamics.foot[self.swing_foot]
-        now = (capture - stand)[:2] @ to_world
-        leaving = (swing - stand)[:2] @ to_world
+        stance_position, swing = dynamics.foot[self.stance_foot], dynamics.foot[self.swing_foot]
+        now = (capture - stance_position)[:2] @ to_world
+        swing_foot = (swing - stance_position)[:2] @ to_world
 
         shift_s = gait.double_support_s - self.elapsed_s
-        pressure, ahead = np.zeros(2), now
+        pressure, at_lift_off = np.zeros(2), now
         if shift_s > 0.0:
-            done = self.elapsed_s / gait.double_support_s
-            pressure = (1.0 - done) * leaving
-            ahead = capture_after(now, pressure, -leaving / gait.double_support_s, shift_s, rate)
-            share = max(done, UNLOADED)
-            self.load[self.stance_foot], self.load[self.swing_foot] = share, 1.0 - done
+            progress = self.elapsed_s / gait.double_support_s
+            pressure = (1.0 - progress) * swing_foot
+            at_lift_off = capture_after(now, pressure, -swing_foot / gait.double_support_s, shift_s, rate)
+            self.load[self.stance_foot] = max(progress, UNLOADED)
+            self.load[self.swing_foot] = 1.0 - progress
         else:
             self.load[self.stance_foot], self.load[self.swing_foot] = 1.0, 0.0
         side = self.side[self.swing_foot]
         nominal = self.nominal(side)
         after_s = max(self.elapsed_s, gait.double_support_s)
-        steer, until_landing = self.steer(ahead, nominal, self.lands_after_s - after_s)
+        correction, constant = self.steering_pressure(at_lift_off, nominal, self.lands_after_s - after_s)
         if self.lands_after_s - after_s > gait.limits.min_swing_s:
-            remaining_m = math.hypot(*(self.next_foothold @ to_world - leaving))
+            remaining_m = math.hypot(*(self.next_foothold @ to_world - swing_foot))
             step = next_step(
-                ahead, until_landing, after_s, remaining_m, side, rate, nominal, gait.limits, gait.weights
+                at_lift_off, constant, after_s, remaining_m, side, rate, nominal, gait.limits, gait.weights
             )
             self.next_foothold, self.lands_after_s = to_world @ step.foothold, after_s + step.remaining_s
         remaining_s = self.lands_after_s - after_s
-        pressure = pressure + steer
-        foot = np.zeros(6)
+        pressure = pressure + correction
+        acceleration = np.zeros(6)
         if shift_s <= 0.0:
-            foot = self.swing_acceleration(dynamics, stand, remaining_s)
-        return stand[:2] + to_world @ pressure, foot
+            acceleration = self.swing_acceleration(dynamics, stance_position, remaining_s)
+        return stance_position[:2] + to_world @ pressure, acceleration
 
-    def steer(
+    def steering_pressure(
         self, capture: np.ndarray, nominal: NominalStep, remaining_s: float
     ) -> tuple[np.ndarray, np.ndarray]:
         """Current centre of pressure (2,), and the constant one with the same effect until touch-down.
-        It moves the capture point to its position in the nominal step, within the sole. The rest is corrected
-        by the step.
+        It moves the capture point to its position in the nominal step, within the sole. The step
+        corrects the rest.
         """
         config = self._config.pressure
         half_size = np.array([config.half_length_m, config.half_width_m])
         growth = math.exp(self.fall_rate * max(remaining_s, self.dt_s))
-        missing = capture - (nominal.foothold + nominal.offset) / growth
-        now, held = (1.0 + config.gain) * missing, missing * growth / (growth - 1.0)
-        return np.minimum(np.maximum(now, -half_size), half_size), np.minimum(
-            np.maximum(held, -half_size), half_size
-        )
+        error = capture - (nominal.foothold + nominal.offset) / growth
+        now, constant = (1.0 + config.gain) * error, error * growth / (growth - 1.0)
+        return clamped(now, -half_size, half_size), clamped(constant, -half_size, half_size)
 
-    def swing_acceleration(self, dynamics: Dynamics, stand: np.ndarray, remaining_s: float) -> np.ndarray:
+    def swing_acceleration(
+        self, dynamics: Dynamics, stance_position: np.ndarray, remaining_s: float
+    ) -> np.ndarray:
         """Acceleration (6,) of the swing foot towards its foothold."""
         config, foot = self._config.swing, self.swing_foot
         rotation = dynamics.foot_rotation[foot]
-        here, yaw = dynamics.foot[foot] - stand, yaw_of(rotation)
+        position, yaw = dynamics.foot[foot] - stance_position, matrix_yaw(rotation)
         if self.swing is None:
-            self.swing = Swing(here[:2], float(here[2]), yaw, config.lift_m, config.depth_m)
-        turned = self.swing.yaw + wrap_angle(self.yaw + self.turn() - self.swing.yaw)
+            self.swing = Swing(position[:2], float(position[2]), yaw, config.lift_m, config.depth_m)
+        turned = self.swing.yaw + wrap_angle(self.yaw + self.yaw_per_step() - self.swing.yaw)
         goal = np.array([*self.next_foothold, turned])
-        self.foothold = stand + np.array([*self.next_foothold, 0.0])
-        position, velocity, acceleration = self.swing.advance(goal, remaining_s, self.dt_s)
+        self.foothold = stance_position + np.array([*self.next_foothold, 0.0])
+        desired, velocity, acceleration = self.swing.advance(goal, remaining_s, self.dt_s)
         motion = dynamics.foot_jacobian[foot] @ dynamics.velocity
         up = rotation[:, 2]
-        tilt = np.array([-up[1], up[0], wrap_angle(yaw - position[3])])
+        tilt = np.array([-up[1], up[0], wrap_angle(yaw - desired[3])])
         result = np.zeros(6)
-        result[:3] = acceleration[:3] + config.place(here - position[:3], motion[:3] - velocity[:3])
+        result[:3] = acceleration[:3] + config.place(position - desired[:3], motion[:3] - velocity[:3])
         result[3:] = config.attitude(tilt, motion[3:] - np.array([0.0, 0.0, velocity[3]]))
         result[5] += acceleration[3]
         return result

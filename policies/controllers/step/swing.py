@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-_LEVEL = [0, 1, 3]  # columns of x, y and yaw in the result
+_XY_YAW = [0, 1, 3]  # columns of x, y and yaw in the result
 
 
 class Swing:
@@ -46,29 +46,29 @@ class Swing:
         Returns:
             (3, 4): position, velocity and acceleration of x, y, height and yaw.
         """
-        left_s = max(remaining_s, 4 * dt_s)
+        duration_s = max(remaining_s, 4 * dt_s)
         value, rate, acceleration = self._motion
-        jerk = 60 * (goal - value) / left_s**3 - 36 * rate / left_s**2 - 9 * acceleration / left_s
+        jerk = 60 * (goal - value) / duration_s**3 - 36 * rate / duration_s**2 - 9 * acceleration / duration_s
         acceleration = acceleration + jerk * dt_s
         rate = rate + acceleration * dt_s
         self._motion = np.array([value + rate * dt_s, rate, acceleration])
         result = np.empty((3, 4))
-        result[:, _LEVEL] = self._motion
-        pace = (1.0 - self.progress) / left_s
+        result[:, _XY_YAW] = self._motion
+        pace = (1.0 - self.progress) / duration_s
         self.progress = min(1.0, self.progress + pace * dt_s)
         result[:, 2] = self._vertical(self.progress, pace)
         return result
 
     def _vertical(self, s: float, pace: float) -> tuple[float, float, float]:
         """Height and its first two derivatives: a bump, from the height at lift-off to below the ground."""
-        fall = self._height + self._depth_m
+        drop = self._height + self._depth_m
         bump = 16.0 * self._lift_m
-        height = self._height - fall * s * s * (3 - 2 * s) + bump * s**2 * (1 - s) ** 2
-        slope = -fall * 6 * s * (1 - s) + bump * 2 * s * (1 - s) * (1 - 2 * s)
-        bend = -fall * (6 - 12 * s) + bump * 2 * (1 - 6 * s + 6 * s * s)
+        height = self._height - drop * s * s * (3 - 2 * s) + bump * s**2 * (1 - s) ** 2
+        slope = -drop * 6 * s * (1 - s) + bump * 2 * s * (1 - s) * (1 - 2 * s)
+        bend = -drop * (6 - 12 * s) + bump * 2 * (1 - 6 * s + 6 * s * s)
         return height, slope * pace, bend * pace * pace
 
 
-def yaw_of(rotation: np.ndarray) -> float:
+def matrix_yaw(rotation: np.ndarray) -> float:
     """Heading of a rotation matrix (3, 3), rad."""
     return math.atan2(rotation[1, 0], rotation[0, 0])

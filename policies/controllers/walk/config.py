@@ -39,7 +39,7 @@ class LevellingConfig:
     """How the legs correct a tilted base."""
 
     gain: float  # share of the measured tilt that the legs correct
-    rate_gain_s: float
+    rate_gain_s: float  # s, correction per tilt rate
     filter_s: float  # time constant that keeps the gyro's noise out of the feet's velocity
     max_rad: float  # largest correction
     body_rate_m_s: float  # rate of change of the body's height

@@ -99,10 +99,10 @@ class Walk:
         if settled:
             stepping.advance(inputs.command, yaw, dt_s)
         if self._touch_down is not None:
-            pushed = self._touch_down.sense(sensed, pose.jacobian, dt_s)
+            force_shares = self._touch_down.sense(sensed, pose.jacobian, dt_s)
             if settled:
                 normal = vertical_in_body(sensed.quaternion)
-                self._touch_down.apply(stepping.cycle, pushed, pose.foot, normal, dt_s)
+                self._touch_down.apply(stepping.cycle, force_shares, pose.foot, normal, dt_s)
         stepping.approach_height(dt_s)
         up = self._slope.up(yaw)
         feet = stepping.tips(downhill(up, stepping.height_m))

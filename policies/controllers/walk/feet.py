@@ -8,7 +8,7 @@ import numpy as np
 from footfall.policies.controllers.gait import GaitTiming, leg_phases, trust_at
 from footfall.policies.controllers.walk.foot import Foot, Footing, blend, lift
 
-_CLOCKS = np.arange(24) / 24
+_START_PHASES = np.arange(24) / 24  # phases from which `change_gait` chooses
 
 
 class FootCycle:
@@ -50,13 +50,13 @@ class FootCycle:
         """
         self.begin(timing, offsets)
         speed = math.hypot(*velocity[:2])
-        carried = np.array([foot.carried(velocity) for foot in self.each_foot])
-        waits_s = (timing.duty - leg_phases(_CLOCKS[:, None], offsets)) % 1.0 * timing.period_s
-        self.clock = float(_CLOCKS[np.argmin((carried + speed * waits_s).max(axis=1))])
+        travel = np.array([foot.travel(velocity) for foot in self.each_foot])
+        waits_s = (timing.duty - leg_phases(_START_PHASES[:, None], offsets)) % 1.0 * timing.period_s
+        self.clock = float(_START_PHASES[np.argmin((travel + speed * waits_s).max(axis=1))])
 
-    def carried(self, velocity: list[float]) -> float:
+    def travel(self, velocity: list[float]) -> float:
         """Largest displacement of a stance foot from mid-stance, along the body's motion, m."""
-        return max((foot.carried(velocity) for foot in self.each_foot if not foot.swings), default=0.0)
+        return max((foot.travel(velocity) for foot in self.each_foot if not foot.swings), default=0.0)
 
     @property
     def offsets(self) -> np.ndarray:
@@ -84,11 +84,11 @@ class FootCycle:
         return np.array([foot.progress for foot in self.each_foot])
 
     def footholds(self, body: tuple[float, float], height_m: float) -> np.ndarray:
-        """Footholds of swing feet, (feet, 3) m, relative to a base above `body`, m; NaN for the others."""
+        """Footholds of swing feet, (feet, 3) m, relative to a base above `body`, m; NaN for stance feet."""
         x, y = body
         return np.array(
             [
-                (foot.lands[0] - x, foot.lands[1] - y, -height_m) if foot.swings else (math.nan,) * 3
+                (foot.foothold[0] - x, foot.foothold[1] - y, -height_m) if foot.swings else (math.nan,) * 3
                 for foot in self.each_foot
             ]
         )
@@ -109,7 +109,7 @@ class FootCycle:
 
     def far_from_mid_stance(self, by_m: float) -> list[bool]:
         """Feet farther than this from mid-stance."""
-        return [math.hypot(foot.x - foot.place_x, foot.y - foot.place_y) > by_m for foot in self.each_foot]
+        return [math.hypot(foot.x - foot.mid_x, foot.y - foot.mid_y) > by_m for foot in self.each_foot]
 
     def advance(
         self, velocity: list[float], dt_s: float, step_height_m: float, lift_off: Sequence[bool]
@@ -125,10 +125,10 @@ class FootCycle:
         timing, duty = self.timing, self.timing.duty
         phases = self._phases()
         self.clock = (self.clock + dt_s / timing.period_s) % 1.0
-        for foot, before, now, may in zip(self.each_foot, phases, self._phases(), lift_off, strict=True):
+        for foot, before, now, allowed in zip(self.each_foot, phases, self._phases(), lift_off, strict=True):
             if foot.swings and now < duty:
                 foot.land(0.0)
-            elif before < duty <= now and may and not foot.swings:
+            elif before < duty <= now and allowed and not foot.swings:
                 foot.lift_off(step_height_m)
             if foot.swings:
                 foot.fly(velocity, dt_s, (now - duty) / (1.0 - duty), timing)
@@ -139,7 +139,7 @@ class FootCycle:
         """End the swing of feet that have touched down early.
 
         The height of the ground is measured relative to the stance feet. If the body tips, a swing foot meets
-        ground that is not higher: it then moves on to the height of the others, and thereby levels the body.
+        ground that is not higher: the foot then moves to the height of the stance feet. This levels the body.
 
         Args:
             feet: (feet,) boolean, feet that have touched down.
@@ -150,8 +150,8 @@ class FootCycle:
         stands = ~self.swings
         above = height - self.feet[:, 2]
         ground = height - above[stands if stands.any() else feet].mean()
-        for foot, down, ground_m in zip(self.each_foot, feet.tolist(), ground.tolist(), strict=True):
-            if down:
+        for foot, touched, ground_m in zip(self.each_foot, feet.tolist(), ground.tolist(), strict=True):
+            if touched:
                 foot.land(ground_m)
 
     def lower(self, feet: Sequence[bool], by_m: float, min_z_m: float) -> None:
@@ -169,11 +169,11 @@ def steady_cycle(
     footing: Footing, timing: GaitTiming, velocity: np.ndarray, step_height_m: float, progress: np.ndarray
 ) -> np.ndarray:
     """Feet (k, feet, 3) of a steady walk at k progress values in [0, 1] of each foot's own swing."""
-    passing = footing.passing(velocity, footing.positions[:, :2])
+    passing_velocity = footing.passing_velocity(velocity, footing.positions[:, :2])
     share, along = blend(progress)[:, None, None], progress[:, None, None]
-    whole = timing.stance_s + timing.swing_s
+    period_s = timing.stance_s + timing.swing_s
     feet = np.tile(footing.positions, (len(progress), 1, 1))
-    feet[:, :, :2] += passing * (share * whole - along * timing.swing_s - 0.5 * timing.stance_s)
+    feet[:, :, :2] += passing_velocity * (share * period_s - along * timing.swing_s - 0.5 * timing.stance_s)
     feet[:, :, 2] = step_height_m * np.array([[lift(s)] for s in progress.tolist()])
     return feet
 
@@ -183,11 +183,11 @@ def stances(
 ) -> list[list[tuple[float, float]]]:
     """Positions of the stance feet of a steady walk at each of k phases of the gait's clock."""
     positions = footing.positions[:, :2]
-    passing = footing.passing(velocity, positions)
+    passing_velocity = footing.passing_velocity(velocity, positions)
     found = []
     for clock in clocks.tolist():
         phases = leg_phases(clock, offsets)
         stands = phases < timing.duty
-        feet = positions + (0.5 - phases / timing.duty)[:, None] * timing.stance_s * passing
+        feet = positions + (0.5 - phases / timing.duty)[:, None] * timing.stance_s * passing_velocity
         found.append([(x, y) for x, y in feet[stands].tolist()])
     return found

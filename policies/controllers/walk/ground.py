@@ -27,25 +27,25 @@ class TouchDown:
         self._force.reset(sensed)
 
     def sense(self, sensed: Sensed, jacobian: np.ndarray, dt_s: float) -> np.ndarray:
-        """Update with one set of readings (see `GroundForce.update`); returns the share of each foot,
-        (feet,)."""
+        """Update with one set of readings (see `GroundForce.update`); returns the force share of each
+        foot, (feet,)."""
         return self._force.update(sensed, jacobian, dt_s)
 
     def apply(
-        self, cycle: FootCycle, pushed: np.ndarray, tips: np.ndarray, up: tuple[float, ...], dt_s: float
+        self, cycle: FootCycle, force_shares: np.ndarray, tips: np.ndarray, up: tuple[float, ...], dt_s: float
     ) -> None:
         """End swings or lower stance feet, according to the forces.
 
         Args:
             cycle: feet of the gait.
-            pushed: (feet,) upward force on each foot, as a share of the weight per leg.
+            force_shares: (feet,) upward force on each foot, as a share of the weight per leg.
             tips: (feet, 3) m, base frame.
             up: (3,) the ground's normal, base frame.
             dt_s: time step of the lowering.
         """
         config = self._config
         low, high = config.force_share
-        shares = pushed.tolist()
+        shares = force_shares.tolist()
         touching = [
             share > high and foot.progress > config.from_progress
             for share, foot in zip(shares, cycle.each_foot, strict=True)
@@ -61,15 +61,14 @@ class GroundForce:
     Estimated by a momentum observer, minus the gearboxes' friction. With geared motors, the inertial force of
     a swing exceeds the contact force: 30 N at a foot of the hexapod, whose weight per leg is 5 N. So the
     estimate uses only readings of the same time: the commanded acceleration, which legs follow some 10 ms
-    later, is wrong by more than one share. M is not known to the percent, so a part of the inertial force is
-    left out: the part that accelerates a foot downward.
+    later, is wrong by more than the weight per leg. The inertia matrix M is not known within a percent, so a
+    part of the inertial force is left out: the part that accelerates a foot downward.
 
     Args:
         robot: robot with these legs and gearboxes.
         body: mass and inertia of the legs.
-        filter_s: time constant of both filter stages: the first differentiates the momentum, the second
-            smooths
-        the noise of the joint velocities in the derivative.
+        filter_s: time constant of both filter stages. The first differentiates the momentum. The second
+            smooths the noise of the joint velocities in the derivative.
         inertia_uncertainty: share by which M may be too small.
     """
 
@@ -77,7 +76,7 @@ class GroundForce:
         self._legs, self._motor = robot.legs, robot.motor
         self._observer = MomentumObserver(body.leg_inertia, filter_s)
         self._filter_s, self._uncertainty = filter_s, inertia_uncertainty
-        self._even_force = GRAVITY_M_S2 * body.mass / robot.legs.count
+        self._weight_per_leg = GRAVITY_M_S2 * body.mass / robot.legs.count
 
     def reset(self, sensed: Sensed) -> None:
         """Start with joints without acceleration."""
@@ -86,7 +85,9 @@ class GroundForce:
         self._smooth = np.stack([external, np.zeros_like(external)], axis=-1)
 
     def update(self, sensed: Sensed, jacobian: np.ndarray, dt_s: float) -> np.ndarray:
-        """Update with one set of readings; returns the share of each foot, (feet,), negative if pulled down.
+        """Update with one set of readings; returns the force share of each foot, (feet,).
+
+        A share is negative if the foot is pulled down.
 
         Args:
             sensed: readings of this tick.
@@ -96,14 +97,14 @@ class GroundForce:
         rates = self._legs.gather(sensed.joint_velocity)
         share = dt_s / (self._filter_s + dt_s)
         self._smooth += share * (self._observer.update(self._external(sensed), rates, dt_s) - self._smooth)
-        held, inertial = upward_force(jacobian, self._smooth, _UP).T
-        force: np.ndarray = held + inertial + self._uncertainty * np.minimum(inertial, 0.0)
-        return force / self._even_force
+        static, inertial = upward_force(jacobian, self._smooth, _UP).T
+        force: np.ndarray = static + inertial + self._uncertainty * np.minimum(inertial, 0.0)
+        return force / self._weight_per_leg
 
     def _external(self, sensed: Sensed) -> np.ndarray:
         """Torque on each joint that comes neither from its motor nor its gearbox, N m, (legs, m)."""
-        own = sensed.joint_torque + friction_torque(sensed.joint_velocity, self._motor, sensed.joint_torque)
-        return external_torque(self._legs, sensed, own)
+        friction = friction_torque(sensed.joint_velocity, self._motor, sensed.joint_torque)
+        return external_torque(self._legs, sensed, sensed.joint_torque + friction)
 
 
 def weight_torque(legs: Legs, jacobian: np.ndarray, stands: np.ndarray, weight: np.ndarray) -> np.ndarray:

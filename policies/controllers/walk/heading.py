@@ -23,7 +23,7 @@ class Heading:
             turned: commanded change of the heading until the next call, rad.
         """
         limit = self._config.max_rad
-        ahead = 0.0 if self._yaw is None else wrap_angle(self._yaw - yaw)
-        ahead = min(max(ahead, -limit), limit)
-        self._yaw = yaw + ahead + turned
-        return self._config.gain * ahead
+        error = 0.0 if self._yaw is None else wrap_angle(self._yaw - yaw)
+        error = min(max(error, -limit), limit)
+        self._yaw = yaw + error + turned
+        return self._config.gain * error

@@ -14,9 +14,9 @@ from footfall.robots.support import support_margin
 
 _PROGRESS = np.linspace(0.0, 1.0, 13)
 _CLOCKS = (np.arange(24) + 0.5) / 24  # between the phases at which feet lift off or touch down
-_SAMPLED = 1.05  # peak rate relative to that between samples
-_MISSED_M = 0.003  # largest position error of a foot that counts as reached
-_STRIDES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+_PEAK_FACTOR = 1.05  # peak joint rate, relative to the largest mean rate between two samples
+_MAX_ERROR_M = 0.003  # largest position error of a foot that counts as reached
+_STRIDES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)  # shares of the velocity, in the order in which they are tried
 
 
 class SteadyWalk(NamedTuple):
@@ -57,15 +57,15 @@ class WalkLimits:
 
         The tempo scales time, not the path: joint rates fall with the tempo.
         """
-        why = ""
+        reason = ""
         for stride in _STRIDES:
             slower = walk._replace(velocity=stride * walk.velocity)
-            found, rate = self._fault(slower)
-            if not found:
+            problem, rate = self._problem(slower)
+            if not problem:
                 break
-            why = why or f"strides are shortened: {found}"
+            reason = reason or f"strides are shortened: {problem}"
         else:
-            why = f"it does not walk, however short its strides are: {found}"
+            reason = f"the robot does not walk, however short its strides are: {problem}"
         tempo = min(1.0, self._max_rate / max(rate, 1e-9))
         if tempo < 1.0:
             period_s = walk.timing.period_s
@@ -73,10 +73,10 @@ class WalkLimits:
                 f"the gait is slowed to a period of {period_s / tempo:.2f} s: at {period_s:.2f} s joints"
                 f" would move at {rate:.1f} rad/s, {self._max_rate:.1f} are allowed"
             )
-            why = f"{why}; {slow}" if why else slow
-        return Pace(stride, tempo, why)
+            reason = f"{reason}; {slow}" if reason else slow
+        return Pace(stride, tempo, reason)
 
-    def _fault(self, walk: SteadyWalk) -> tuple[str, float]:
+    def _problem(self, walk: SteadyWalk) -> tuple[str, float]:
         """Why a walk is impossible at any tempo (empty if possible), and its peak joint rate, rad/s."""
         feet = steady_cycle(walk.footing, walk.timing, walk.velocity, walk.step_height_m, _PROGRESS)
         feet[:, :, 2] -= walk.below_m
@@ -85,10 +85,10 @@ class WalkLimits:
         feet[:, :, :2] -= sine_at(walk.sway.body, clocks)
         angles = np.array([self._legs.solve(each) for each in feet])
         step_s = walk.timing.swing_s * (_PROGRESS[1] - _PROGRESS[0])
-        rate = _SAMPLED * float(np.abs(np.diff(angles, axis=0)).max()) / step_s
+        rate = _PEAK_FACTOR * float(np.abs(np.diff(angles, axis=0)).max()) / step_s
         for each, desired in zip(angles, feet, strict=True):
             reached = self._legs.pose(self._legs.scatter(each, self._robot.default_pose)).foot
-            if np.abs(reached - desired).max() > _MISSED_M:
+            if np.abs(reached - desired).max() > _MAX_ERROR_M:
                 return "feet would be out of the legs' reach", rate
         min_margin = self._limits.margin_m
         if min_margin is not None and walk.timing.swing_s > self._limits.dynamic_swing_s:

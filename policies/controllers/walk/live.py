@@ -9,7 +9,7 @@ from footfall.policies.controllers.gait import GaitConfig, StepClock
 from footfall.policies.controllers.settings import configured_controllers
 from footfall.policies.controllers.walk.config import StrideConfig, WalkConfig
 from footfall.policies.gaits import gait_names, gaits_of
-from footfall.policies.live_settings import Applied, Span, shared
+from footfall.policies.live_settings import Applied, Span, spans_around
 from footfall.robots.description import Robot
 
 _STEP = {"step_height_m": "height_m", "step_length_m": "length_m", "body_height_m": "body_height_m"}
@@ -20,7 +20,7 @@ def live_settings(config: WalkConfig, period_s: float) -> dict[str, Span]:
     """Spans of the live settings, around the configuration's values and the gait's own period."""
     limit = config.levelling.max_attitude_rad
     step = {name: getattr(config.step, field) for name, field in _STEP.items()}
-    spans = shared({"step_period_s": period_s, **step})
+    spans = spans_around({"step_period_s": period_s, **step})
     return spans | dict.fromkeys(ATTITUDE, Span(-limit, limit, 0.0))
 
 
@@ -35,8 +35,8 @@ def applied(
 ) -> Applied:
     """Gait and values that the walk uses now. A step's height applies from the next lift-off."""
     values = {name: getattr(step, field) for name, field in _STEP.items()}
-    now = {"step_period_s": period_s, **values, "body_height_m": body_height_m}
-    return Applied(gait, now | dict(zip(ATTITUDE, attitude, strict=True)))
+    current = {"step_period_s": period_s, **values, "body_height_m": body_height_m}
+    return Applied(gait, current | dict(zip(ATTITUDE, attitude, strict=True)))
 
 
 def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
@@ -65,7 +65,7 @@ def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
 
 
 class WalkSettings:
-    """Present gait and step of a walk, and the requested gait."""
+    """Current gait and step of a walk, and the requested gait."""
 
     def __init__(self, robot: Robot, config: WalkConfig) -> None:
         self._robot, self._config = robot, config

@@ -27,20 +27,20 @@ class Pacing:
         """Start without a command."""
         self._requested = [0.0, 0.0, 0.0]
         self._attainable = np.zeros(3)
-        self._pace = self._before = Pace()
+        self._pace = self._previous_pace = Pace()
         self.tempo = 1.0
         self.invalidate()
 
     def invalidate(self) -> None:
         """Recompute the pace at the next call, because the walk has changed."""
-        self._checked: np.ndarray | None = None
+        self._checked_velocity: np.ndarray | None = None
 
     @property
     def reason(self) -> str:
         """Why the walk is slower than commanded; empty if it is not."""
         return self._pace.reason
 
-    def within(
+    def reduced_command(
         self, command: np.ndarray, stance_s: float, length_m: float, walk: Callable[[np.ndarray], SteadyWalk]
     ) -> np.ndarray:
         """The command (3,), reduced to the steps' length, the legs' reach and the stability margin.
@@ -54,19 +54,19 @@ class Pacing:
             walk: gives the steady walk at a velocity (3,).
         """
         requested = command.tolist()
-        if self._checked is not None and requested == self._requested:
+        if self._checked_velocity is not None and requested == self._requested:
             return self._attainable
         self._requested = requested
         forward, leftward, yaw_rate = requested
         speed = math.hypot(forward, leftward) + abs(yaw_rate) * self._farthest
-        within = command * min(1.0, length_m / max(speed * stance_s, 1e-9))
-        if self._checked is None or np.any(np.abs(within - self._checked) >= _CHANGE):
-            self._checked = within.copy()
-            self._before, self._pace = self._pace, self._limits.pace(walk(within))
-        self._attainable = self._pace.stride * within
+        reduced = command * min(1.0, length_m / max(speed * stance_s, 1e-9))
+        if self._checked_velocity is None or np.any(np.abs(reduced - self._checked_velocity) >= _CHANGE):
+            self._checked_velocity = reduced.copy()
+            self._previous_pace, self._pace = self._pace, self._limits.pace(walk(reduced))
+        self._attainable = self._pace.stride * reduced
         return self._attainable
 
     def set_tempo(self, steady: bool, dt_s: float) -> None:
-        """Update the tempo. During a change of velocity (not `steady`) it suits both velocities."""
-        limit = self._pace.tempo if steady else min(self._pace.tempo, self._before.tempo)
+        """Update the tempo. During a change of velocity (not `steady`), the tempo suits both velocities."""
+        limit = self._pace.tempo if steady else min(self._pace.tempo, self._previous_pace.tempo)
         self.tempo = min(limit, self.tempo + _TEMPO_RATE * dt_s)

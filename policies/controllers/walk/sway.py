@@ -11,7 +11,7 @@ from footfall.policies.controllers.gait import GaitTiming, in_stance, leg_phases
 
 _CLOCKS = np.arange(240) / 240
 _FILTER_RATE = 16.0  # time constants per cycle of each of two filters: a sway is reached after 1/4 cycle
-_BEFORE = 0.02  # cycles between a lift-off and the reversal of the sway
+_LEAD_CYCLES = 0.02  # cycles between a lift-off and the reversal of the sway
 
 
 class SwayPlan(NamedTuple):
@@ -24,14 +24,14 @@ class SwayPlan(NamedTuple):
         """Phase at which the gait's clock should start, in cycles: shortly before the body's reversal, where
         it hardly moves. Without a sway the phase stays the same.
         """
-        farthest = self.body[np.argmax(np.abs(self.body))]
-        return (-cmath.phase(farthest) / (2.0 * math.pi) - _BEFORE) % 1.0 if farthest else clock
+        largest = self.body[np.argmax(np.abs(self.body))]
+        return (-cmath.phase(largest) / (2.0 * math.pi) - _LEAD_CYCLES) % 1.0 if largest else clock
 
 
 def sine_at(sine: np.ndarray, clock: np.ndarray | float) -> np.ndarray:
     """Value (..., 2) of a sine (2,) at phases of the gait's clock (...), in cycles."""
-    turned: np.ndarray = np.multiply.outer(np.exp(2j * math.pi * np.asarray(clock)), sine)
-    return turned.real
+    value: np.ndarray = np.multiply.outer(np.exp(2j * math.pi * np.asarray(clock)), sine)
+    return value.real
 
 
 def plan_sway(
@@ -66,21 +66,23 @@ class Sway:
 
     def reset(self) -> None:
         """Start without a sway."""
-        self._first = self._now = [0j, 0j]
+        self._filtered_once = self._filtered_twice = [0j, 0j]
 
     def approach(self, goal: np.ndarray, cycles: float) -> None:
         """Move towards the body's sine (2,), during a part of a cycle."""
         share = min(1.0, _FILTER_RATE * cycles)
-        self._first = _nearer(self._first, goal.tolist(), share)
-        self._now = _nearer(self._now, self._first, share)
+        self._filtered_once = _nearer(self._filtered_once, goal.tolist(), share)
+        self._filtered_twice = _nearer(self._filtered_twice, self._filtered_once, share)
 
     def distance(self, goal: np.ndarray) -> float:
         """Largest distance from a body's sine, m."""
-        return max(abs(now - desired) for now, desired in zip(self._now, goal.tolist(), strict=True))
+        return max(
+            abs(now - desired) for now, desired in zip(self._filtered_twice, goal.tolist(), strict=True)
+        )
 
     def at(self, clock: float) -> tuple[float, float]:
         """Sway of the body, forward and leftward, m."""
-        turn, (forward, leftward) = cmath.exp(2j * math.pi * clock), self._now  # as in `sine_at`
+        turn, (forward, leftward) = cmath.exp(2j * math.pi * clock), self._filtered_twice  # as in `sine_at`
         return (turn * forward).real, (turn * leftward).real
 
 

@@ -2,7 +2,7 @@
 
 from footfall.policies.controllers.walk.feet import FootCycle
 
-_FAR, _TOO_FAR = 0.6, 0.9  # shares of a step's length at which a foot slows the body down, and stops it
+_FAR, _TOO_FAR = 0.6, 0.9  # travel, as shares of a step's length, at which the body slows down, and stops
 _RATE = 5.0  # 1/s, rate of change of the slowing
 
 
@@ -18,11 +18,11 @@ class TravelLimit:
 
     def reset(self) -> None:
         """Start without slowing."""
-        self._share = 1.0
+        self._speed_share = 1.0
 
     def reduced(self, cycle: FootCycle, velocity: list[float], length_m: float, dt_s: float) -> list[float]:
         """The velocity (3,), reduced; `length_m` is the length of a step."""
-        room = (_TOO_FAR - cycle.carried(velocity) / length_m) / (_TOO_FAR - _FAR)
+        room = (_TOO_FAR - cycle.travel(velocity) / length_m) / (_TOO_FAR - _FAR)
         limit = _RATE * dt_s
-        self._share += min(max(min(max(room, 0.0), 1.0) - self._share, -limit), limit)
-        return [self._share * part for part in velocity]
+        self._speed_share += min(max(min(max(room, 0.0), 1.0) - self._speed_share, -limit), limit)
+        return [self._speed_share * part for part in velocity]

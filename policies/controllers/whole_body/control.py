@@ -72,11 +72,11 @@ class WholeBodyControl:
         n = len(robot.joint_names)
         self._kp, self._kd = np.full(n, config.joints.kp), np.full(n, config.joints.kd)
         self._damping, self._zeros = np.full(n, config.no_solution.kd), np.zeros(n)
-        self._anything = np.array([np.full(n, -np.inf), np.full(n, np.inf)])
+        self._unlimited = np.array([np.full(n, -np.inf), np.full(n, np.inf)])
         self._programs = QuadraticPrograms(
             self.body.foot_of_point, n, self.body.total_mass, config.weights, config.contact
         )
-        self.solver = BoundedSolver(piqp_iterations=30, unfinished=False)
+        self.solver = BoundedSolver(piqp_iterations=30, accept_unfinished=False)
         self.reset()
 
     def reset(self) -> None:
@@ -113,14 +113,14 @@ class WholeBodyControl:
         Raises:
             NoSolutionError: no solution for longer than the settings allow.
         """
-        lower, upper = limit_torque(self._anything, joint_velocity, self._motor)
-        program, meaning = self._programs.build(dynamics, desired, max_force, lower, upper)
+        lower, upper = limit_torque(self._unlimited, joint_velocity, self._motor)
+        program, torque_map = self._programs.build(dynamics, desired, max_force, lower, upper)
         solution = self.solver.solve(program)
         if solution is None:
             return self._without_solution(joint_position)
         self._unsolved_s = 0.0
-        torque = meaning.torque.dot(solution) + meaning.torque_offset
-        acceleration = meaning.acceleration[-len(torque) :].dot(solution)
+        torque = torque_map.torque.dot(solution) + torque_map.torque_offset
+        acceleration = torque_map.acceleration[-len(torque) :].dot(solution)
         self._integrate(acceleration, joint_position, joint_velocity)
         self._torque = torque + self._friction(self._velocity)
         assert self._position is not None
@@ -129,19 +129,19 @@ class WholeBodyControl:
     def _integrate(self, acceleration: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> None:
         """Integrate the solved acceleration into references that slowly return to the measurement."""
         dt_s = self._dt_s
-        keep = math.exp(-dt_s / self._config.joints.memory_s)
+        decay = math.exp(-dt_s / self._config.joints.memory_s)
         if self._position is None:
             self._position, self._velocity = position, velocity
-        before = velocity + keep * (self._velocity - velocity)
-        self._velocity = before + acceleration * dt_s
-        self._position = position + keep * (self._position - position) + self._velocity * dt_s
+        previous = velocity + decay * (self._velocity - velocity)
+        self._velocity = previous + acceleration * dt_s
+        self._position = position + decay * (self._position - position) + self._velocity * dt_s
 
     def _friction(self, velocity: np.ndarray) -> np.ndarray:
         """Torque that compensates gearbox friction at a desired velocity (n,), N m."""
         motor = self._motor
         share = self._config.joints.friction_compensation
-        developed = np.minimum(np.maximum(velocity / motor.friction_speed, -1.0), 1.0)
-        return share * (motor.friction * developed + motor.damping * velocity)
+        saturated = np.minimum(np.maximum(velocity / motor.friction_speed, -1.0), 1.0)
+        return share * (motor.friction * saturated + motor.damping * velocity)
 
     def _without_solution(self, position: np.ndarray) -> JointCommand:
         config = self._config.no_solution

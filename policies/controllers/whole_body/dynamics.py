@@ -1,7 +1,7 @@
 """Equations of motion of a robot and the Jacobians of its feet, by MuJoCo.
 
-World axes, with the origin at the base's. Degrees of freedom: the base first (linear velocity in the world,
-angular velocity in the body), then the joints in the robot's order.
+World axes, with the origin at that of the base. Degrees of freedom: the base first (linear velocity in the
+world, angular velocity in the body), then the joints in the robot's order.
 """
 
 from collections.abc import Sequence
@@ -35,9 +35,9 @@ class Motion(NamedTuple):
 
 
 class Dynamics(NamedTuple):
-    """mass @ acceleration + bias = torques + jacobian.T @ forces, with positions and Jacobians.
+    """Terms of mass @ acceleration + bias = torques + jacobian.T @ forces, and positions.
 
-    A drift is an acceleration for zero accelerations of all degrees of freedom.
+    A drift is the acceleration of a point or foot if no degree of freedom accelerates.
     """
 
     velocity: np.ndarray  # (nv,) m/s and rad/s
@@ -65,18 +65,18 @@ class Soles:
         self.geoms = np.concatenate(geoms)
         self.foot_of_point = np.repeat(np.arange(len(geoms)), [len(each) for each in geoms])
         self.bodies = [int(model.geom_bodyid[each[0]]) for each in geoms]  # body of each foot
-        self._below = model.geom_size[self.geoms, 0][:, None] * DOWN
-        share = np.zeros((len(geoms), len(self.geoms)))
-        share[self.foot_of_point, np.arange(len(self.geoms))] = 1.0
-        self._middle = share / share.sum(axis=1, keepdims=True)
+        self._to_lowest_point = model.geom_size[self.geoms, 0][:, None] * DOWN
+        is_of_foot = np.zeros((len(geoms), len(self.geoms)))
+        is_of_foot[self.foot_of_point, np.arange(len(self.geoms))] = 1.0
+        self._middle = is_of_foot / is_of_foot.sum(axis=1, keepdims=True)
 
     def positions(self, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
         """Positions of the points, (points, 3) m, and the middle of each foot's points, (feet, 3) m."""
-        points = data.geom_xpos.take(self.geoms, axis=0) + self._below
+        points = data.geom_xpos.take(self.geoms, axis=0) + self._to_lowest_point
         return points, self._middle.dot(points)
 
 
-class _Written(NamedTuple):
+class _Buffers(NamedTuple):
     """Arrays to which MuJoCo writes its results."""
 
     mass: np.ndarray  # (nv, nv)
@@ -108,29 +108,31 @@ class WholeBody:
                 f"{robot.xml_path}: whole-body control needs a free base and exactly the joints of robot.yaml"
             )
         base = model.body(robot.description.base)
-        start, speed = int(model.jnt_qposadr[base.jntadr[0]]), int(model.jnt_dofadr[base.jntadr[0]])
+        position_start = int(model.jnt_qposadr[base.jntadr[0]])
+        velocity_start = int(model.jnt_dofadr[base.jntadr[0]])
+        base_order = np.arange(velocity_start, velocity_start + BASE)
         joints = [model.joint(name).id for name in robot.joint_names]
         self._base = int(base.id)
-        self._quaternion = slice(start + 3, start + 7)
+        self._quaternion = slice(position_start + 3, position_start + 7)
         self._positions = as_slice(model.jnt_qposadr[joints])
-        self._order = as_slice(np.concatenate([np.arange(speed, speed + BASE), model.jnt_dofadr[joints]]))
+        self._order = as_slice(np.concatenate([base_order, model.jnt_dofadr[joints]]))
         self._soles = soles = Soles(model, foot_geoms(model, robot.description))
         self.foot_of_point, self.points, self.feet = soles.foot_of_point, len(soles.geoms), len(soles.bodies)
         self.total_mass = float(model.body_mass.sum())
         self.weight_n = self.total_mass * float(-model.opt.gravity[2])
         nv = model.nv
-        self._written = _Written(
+        self._buffers = _Buffers(
             np.zeros((nv, nv)), np.zeros(nv), np.zeros((self.feet, 6, nv)), np.zeros((self.feet, 6, nv))
         )
         data.qpos[:] = 0.0
-        data.qpos[start + 3] = 1.0
+        data.qpos[position_start + 3] = 1.0
         data.qpos[self._positions] = robot.default_pose
         mujoco.mj_kinematics(model, data)
-        self._level = data.xmat[soles.bodies].reshape(-1, 3, 3).transpose(0, 2, 1).copy()
+        self._level_inverse = data.xmat[soles.bodies].reshape(-1, 3, 3).transpose(0, 2, 1).copy()
 
     def update(self, motion: Motion, gravity: np.ndarray = FREE_FALL) -> Dynamics:
         """Dynamics in a state of motion. The world may be a frame with tilted gravity."""
-        model, data, order, soles, written = self._model, self._data, self._order, self._soles, self._written
+        model, data, order, soles, buffers = self._model, self._data, self._order, self._soles, self._buffers
         model.opt.gravity[:] = gravity
         data.qpos[self._quaternion] = motion.quaternion
         data.qpos[self._positions] = motion.joint_position
@@ -141,36 +143,36 @@ class WholeBody:
         mujoco.mj_makeM(model, data)
         mujoco.mj_comVel(model, data)
         mujoco.mj_subtreeVel(model, data)
-        mujoco.mj_rne(model, data, 0, written.bias)
-        mujoco.mj_fullM(model, data, written.mass)
+        mujoco.mj_rne(model, data, 0, buffers.bias)
+        mujoco.mj_fullM(model, data, buffers.mass)
 
         points, foot = soles.positions(data)
         for position, body, rows, rates in zip(
-            foot, soles.bodies, written.jacobian, written.jacobian_rate, strict=True
+            foot, soles.bodies, buffers.jacobian, buffers.jacobian_rate, strict=True
         ):
             mujoco.mj_jac(model, data, rows[:3], rows[3:], position, body)
             mujoco.mj_jacDot(model, data, rates[:3], rates[3:], position, body)
-        jacobian = written.jacobian[:, :, order].copy()
-        drift = written.jacobian_rate[:, :, order].dot(velocity)
+        jacobian = buffers.jacobian[:, :, order].copy()
+        drift = buffers.jacobian_rate[:, :, order].dot(velocity)
         spin = jacobian[:, 3:].dot(velocity)
         foot_of_point = soles.foot_of_point
         arm = points - foot[foot_of_point]
-        turning = -skews(arm)
+        cross_arm = -skews(arm)
         return Dynamics(
             velocity,
-            written.mass[order][:, order].copy(),
-            written.bias[order].copy(),
+            buffers.mass[order][:, order].copy(),
+            buffers.bias[order].copy(),
             data.subtree_com[self._base].copy(),
             data.subtree_linvel[self._base].copy(),
             data.subtree_angmom[self._base].copy(),
             points,
-            jacobian[foot_of_point, :3] + turning @ jacobian[foot_of_point, 3:],
+            jacobian[foot_of_point, :3] + cross_arm @ jacobian[foot_of_point, 3:],
             drift[foot_of_point, :3]
-            + (turning @ drift[foot_of_point, 3:, None])[:, :, 0]
+            + (cross_arm @ drift[foot_of_point, 3:, None])[:, :, 0]
             + _centripetal(spin[foot_of_point], arm),
             foot,
             np.full(self.feet, 1.0 / self.feet).dot(foot),
-            data.xmat[soles.bodies].reshape(-1, 3, 3) @ self._level,
+            data.xmat[soles.bodies].reshape(-1, 3, 3) @ self._level_inverse,
             jacobian,
             drift,
             gravity,

@@ -28,7 +28,7 @@ class Feedback:
         return -self.stiffness * deviation - self.damping * rate
 
 
-def observed(body: WholeBody, inputs: PolicyInput, gravity: np.ndarray = FREE_FALL) -> Dynamics:
+def estimated_dynamics(body: WholeBody, inputs: PolicyInput, gravity: np.ndarray = FREE_FALL) -> Dynamics:
     """Dynamics of a robot with the given inputs; gravity (3,) m/s^2, axes of the inputs' attitude."""
     sensed = inputs.sensed
     velocity = rotation_matrix(sensed.quaternion).dot(inputs.base_velocity)
@@ -38,7 +38,7 @@ def observed(body: WholeBody, inputs: PolicyInput, gravity: np.ndarray = FREE_FA
     )
 
 
-def standing(body: WholeBody, robot: Robot) -> Dynamics:
+def rest_dynamics(body: WholeBody, robot: Robot) -> Dynamics:
     """Dynamics of a robot at rest, level, in its default pose."""
     level, still = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
     return body.update(Motion(level, still, still, robot.default_pose, np.zeros_like(robot.default_pose)))

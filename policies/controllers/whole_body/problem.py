@@ -35,7 +35,7 @@ class Weights:
     swing: float  # acceleration of a swing foot, per (m/s^2)^2
     swing_attitude: float  # angular acceleration of a swing foot, per (rad/s^2)^2
     posture: float  # acceleration of each joint, per (rad/s^2)^2
-    force: float  # each force, as a share of the weight
+    force: float  # each force, per square of its share of the weight
 
     def __post_init__(self) -> None:
         require_not_negative(self, "contact", "centre", "momentum", "attitude", "swing", "swing_attitude")
@@ -90,7 +90,7 @@ class _Pattern(NamedTuple):
     standing: np.ndarray  # (k,) points in contact
     swinging: np.ndarray  # feet without a point in contact
     unit: np.ndarray  # (nv, variables) rows of the joints' accelerations; base rows are 0
-    by_forces: np.ndarray  # (6, variables) weighted rates of the momentum; the angular rows are 0
+    momentum: np.ndarray  # (6, variables) weighted rates of the momentum; the angular rows are 0
     damping: np.ndarray  # (variables,) constant diagonal of the Hessian
     cones: np.ndarray  # (4 k + n, variables) friction cones, then rows for the torques, which are 0 here
     lower: np.ndarray  # (3 k + 4 k + n,), 0 for the torques
@@ -138,15 +138,15 @@ class QuadraticPrograms:
             max_torque: (n,) N m, upper limits.
         """
         pattern = self._pattern(max_force > 0.0)
-        standing, n, forces = pattern.standing, self._n, 3 * len(pattern.standing)
-        jacobian = dynamics.point_jacobian[standing].reshape(forces, BASE + n)
+        standing, n, num_forces = pattern.standing, self._n, 3 * len(pattern.standing)
+        jacobian = dynamics.point_jacobian[standing].reshape(num_forces, BASE + n)
 
         # Accelerations and torques as affine functions of (forces, joint accelerations).
-        right = np.empty((BASE, forces + n + 1))
-        right[:, :forces] = jacobian[:, :BASE].T
-        right[:, forces:-1] = -dynamics.mass[:BASE, BASE:]
-        right[:, -1] = -dynamics.bias[:BASE]
-        base = solve(dynamics.mass[:BASE, :BASE], right)
+        right_side = np.empty((BASE, num_forces + n + 1))
+        right_side[:, :num_forces] = jacobian[:, :BASE].T
+        right_side[:, num_forces:-1] = -dynamics.mass[:BASE, BASE:]
+        right_side[:, -1] = -dynamics.bias[:BASE]
+        base = solve(dynamics.mass[:BASE, :BASE], right_side)
         acceleration = pattern.unit.copy()
         acceleration[:BASE] = base[:, :-1]
         offset = np.zeros(BASE + n)
@@ -154,20 +154,20 @@ class QuadraticPrograms:
         torque = dynamics.mass[BASE:, :BASE].dot(base)
         torque_offset = torque[:, -1] + dynamics.bias[BASE:]
         torque = torque[:, :-1]
-        torque[:, forces:] += dynamics.mass[BASE:, BASE:]
-        torque[:, :forces] -= jacobian[:, BASE:].T
+        torque[:, num_forces:] += dynamics.mass[BASE:, BASE:]
+        torque[:, :num_forces] -= jacobian[:, BASE:].T
 
-        matrix, aim = self._least_squares(dynamics, desired, pattern, jacobian, acceleration, offset)
+        matrix, target = self._least_squares(dynamics, desired, pattern, jacobian, acceleration, offset)
         hessian = matrix.T @ matrix
-        hessian.flat[:: forces + n + 1] += pattern.damping
-        gradient = -aim.dot(matrix)
-        gradient[forces:] -= self._weights.posture * desired.joints
+        hessian.flat[:: num_forces + n + 1] += pattern.damping
+        gradient = -target.dot(matrix)
+        gradient[num_forces:] -= self._weights.posture * desired.joints
 
         max_force = max_force[standing]
         rows, lower, upper = pattern.cones.copy(), pattern.lower.copy(), pattern.upper.copy()
         rows[-n:] = torque
-        lower[:forces].reshape(-1, 3)[:] *= max_force[:, None]
-        upper[:forces].reshape(-1, 3)[:] *= max_force[:, None]
+        lower[:num_forces].reshape(-1, 3)[:] *= max_force[:, None]
+        upper[:num_forces].reshape(-1, 3)[:] *= max_force[:, None]
         lower[-n:], upper[-n:] = min_torque - torque_offset, max_torque - torque_offset
         program = QuadraticProgram(hessian, gradient, rows, lower, upper)
         return program, TorqueMap(standing, acceleration, offset, torque, torque_offset)
@@ -183,32 +183,32 @@ class QuadraticPrograms:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Weighted least squares for matrix @ variables = aim; each row is multiplied by the root of its
         weight."""
-        forces, contact, attitude = len(jacobian), self._contact_root, self._attitude_root
+        num_forces, contact, attitude = len(jacobian), self._contact_root, self._attitude_root
         swinging = pattern.swinging
-        tasks = 6 * len(swinging)
-        matrix = np.empty((forces + 3 + tasks + 6, acceleration.shape[1]))
-        aim = np.empty(len(matrix))
-        slowing = self._contact.damping_s * jacobian.dot(dynamics.velocity)
+        swing_rows = 6 * len(swinging)
+        matrix = np.empty((num_forces + 3 + swing_rows + 6, acceleration.shape[1]))
+        target = np.empty(len(matrix))
+        damping = self._contact.damping_s * jacobian.dot(dynamics.velocity)
         drift = dynamics.point_drift[pattern.standing].ravel()
-        np.multiply(jacobian.dot(acceleration), contact, out=matrix[:forces])
-        aim[:forces] = -contact * (drift + slowing + jacobian.dot(offset))
-        turning = slice(forces, forces + 3)
-        matrix[turning] = attitude * acceleration[3:BASE]
-        aim[turning] = attitude * (desired.attitude - offset[3:BASE])
-        if tasks:
+        np.multiply(jacobian.dot(acceleration), contact, out=matrix[:num_forces])
+        target[:num_forces] = -contact * (drift + damping + jacobian.dot(offset))
+        base_rows = slice(num_forces, num_forces + 3)
+        matrix[base_rows] = attitude * acceleration[3:BASE]
+        target[base_rows] = attitude * (desired.attitude - offset[3:BASE])
+        if swing_rows:
             feet = dynamics.foot_jacobian[swinging]
-            flying = slice(forces + 3, forces + 3 + tasks)
+            foot_rows = slice(num_forces + 3, num_forces + 3 + swing_rows)
             root = self._swing_root
-            matrix[flying] = (root[:, None] * (feet @ acceleration)).reshape(tasks, -1)
-            missing = desired.feet[swinging] - dynamics.foot_drift[swinging] - feet @ offset
-            aim[flying] = (root * missing).ravel()
+            matrix[foot_rows] = (root[:, None] * (feet @ acceleration)).reshape(swing_rows, -1)
+            error = desired.feet[swinging] - dynamics.foot_drift[swinging] - feet @ offset
+            target[foot_rows] = (root * error).ravel()
         # The momentum's rates depend only on the forces.
         arms = skews(dynamics.point[pattern.standing] - dynamics.centre)
-        matrix[-6:] = pattern.by_forces
-        matrix[-3:, :forces] = self._momentum_root * arms.transpose(1, 0, 2).reshape(3, forces)
-        aim[-6:-3] = self._centre_root * (desired.centre - dynamics.gravity)
-        aim[-3:] = self._momentum_root * desired.momentum_rate
-        return matrix, aim
+        matrix[-6:] = pattern.momentum
+        matrix[-3:, :num_forces] = self._momentum_root * arms.transpose(1, 0, 2).reshape(3, num_forces)
+        target[-6:-3] = self._centre_root * (desired.centre - dynamics.gravity)
+        target[-3:] = self._momentum_root * desired.momentum_rate
+        return matrix, target
 
     def _pattern(self, stands: np.ndarray) -> _Pattern:
         key = stands.tobytes()
@@ -219,21 +219,21 @@ class QuadraticPrograms:
     def _new_pattern(self, stands: np.ndarray) -> _Pattern:
         weights, n, friction = self._weights, self._n, self._contact.friction
         standing = np.flatnonzero(stands)
-        k, forces = len(standing), 3 * len(standing)
-        unit = np.zeros((BASE + n, forces + n))
-        unit[BASE:, forces:] = np.eye(n)
-        by_forces = np.zeros((6, forces + n))
-        by_forces[:3, :forces] = np.tile(self._centre_root / self._mass * np.eye(3), k)
+        k, num_forces = len(standing), 3 * len(standing)
+        unit = np.zeros((BASE + n, num_forces + n))
+        unit[BASE:, num_forces:] = np.eye(n)
+        momentum = np.zeros((6, num_forces + n))
+        momentum[:3, :num_forces] = np.tile(self._centre_root / self._mass * np.eye(3), k)
         force = weights.force / (self._mass * GRAVITY_M_S2) ** 2
-        cones = np.zeros((4 * k + n, forces + n))
-        cones[: 4 * k, :forces] = _cones(k, friction)
+        cones = np.zeros((4 * k + n, num_forces + n))
+        cones[: 4 * k, :num_forces] = _cones(k, friction)
         torques = np.zeros(n)
         return _Pattern(
             standing,
             np.setdiff1d(self._foot_of_point, self._foot_of_point[standing]),
             unit,
-            by_forces,
-            np.concatenate([np.full(forces, force), np.full(n, weights.posture)]),
+            momentum,
+            np.concatenate([np.full(num_forces, force), np.full(n, weights.posture)]),
             cones,
             np.concatenate([np.tile([-friction, -friction, 0.0], k), np.full(4 * k, -1e30), torques]),
             np.concatenate([np.tile([friction, friction, 1.0], k), np.zeros(4 * k), torques]),
@@ -243,5 +243,5 @@ class QuadraticPrograms:
 def _cones(points: int, friction: float) -> np.ndarray:
     """Four-sided friction cones of all points, (4 points, 3 points): rows f <= 0."""
     sides = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-    one = np.column_stack([sides, np.full(4, -friction)])
-    return np.kron(np.eye(points), one)
+    cone = np.column_stack([sides, np.full(4, -friction)])
+    return np.kron(np.eye(points), cone)
