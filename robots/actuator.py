@@ -41,7 +41,7 @@ class Motor(NamedTuple):
     strength: Array  # delivered torque over commanded torque; 1 for a nominal motor
     lag_s: Array | None = None  # time constant of the torque, a first-order lag; 0: no lag
     stribeck: Array | None = None  # N m, friction at rest beyond Coulomb friction
-    # rad/s, speed at which half of it is left; None: STRIBECK_RAMPS friction speeds
+    # rad/s, speed at which half of `stribeck` remains; None: STRIBECK_RAMPS friction speeds
     stribeck_speed: Array | None = None
     load_friction: Array | None = None  # share of the motor torque that friction takes
     backlash: Array | None = None  # rad, whole play of the gearbox
@@ -76,8 +76,8 @@ STRIBECK_RAMPS = 5.0  # default Stribeck speed, in friction speeds
 class Lag(NamedTuple):
     """A first-order lag over one time step: weights of the torque before the step, (..., n)."""
 
-    at_end: Array  # in the torque at the end of the step
-    in_mean: Array  # in the step's mean torque
+    at_end: Array  # weight in the torque at the end of the step
+    in_mean: Array  # weight in the step's mean torque
 
 
 def lag_over(lag_s: Array, step_s: float) -> Lag:
@@ -96,15 +96,15 @@ def lag_over(lag_s: Array, step_s: float) -> Lag:
     return Lag(at_end, (lag_s / step_s) * (1.0 - at_end))
 
 
-def lagged(demand: Array, before: Array, lag: Lag) -> tuple[Array, Array]:
+def lagged(demand: Array, previous: Array, lag: Lag) -> tuple[Array, Array]:
     """The mean torque over a step and the torque at its end, N m, (..., n).
 
     Args:
         demand: torque that the motor approaches in this step, N m.
-        before: torque at the beginning of the step, N m.
+        previous: torque at the beginning of the step, N m.
         lag: lag of the step.
     """
-    change = before - demand
+    change = previous - demand
     return demand + lag.in_mean * change, demand + lag.at_end * change
 
 
@@ -156,8 +156,8 @@ def _dry_friction(velocity: Array, motor: Motor, load: Array | None) -> Array:
     """
     dry = motor.friction
     if motor.stribeck is not None:
-        half = motor.stribeck_speed
-        relative = velocity / (STRIBECK_RAMPS * motor.friction_speed if half is None else half)
+        half_speed = motor.stribeck_speed
+        relative = velocity / (STRIBECK_RAMPS * motor.friction_speed if half_speed is None else half_speed)
         dry = dry + motor.stribeck / (1.0 + relative * relative)
     if motor.load_friction is not None and load is not None:
         dry = dry + motor.load_friction * library(velocity).abs(load)
@@ -178,7 +178,7 @@ def _demand(command: JointCommand, position: Array, velocity: Array, motor: Moto
     if motor.voltage_gain is None:
         return torque_demand
     return library(velocity).where(
-        motor.voltage_gain > 0.0, _driven(torque_demand, velocity, motor), torque_demand
+        motor.voltage_gain > 0.0, _voltage_driven_torque(torque_demand, velocity, motor), torque_demand
     )
 
 
@@ -194,7 +194,7 @@ def _duty(torque_demand: Array, motor: Motor) -> Array:
     return clamped(torque_demand * motor.voltage_gain / motor.stall_torque, -1.0, 1.0)
 
 
-def _driven(torque_demand: Array, velocity: Array, motor: Motor) -> Array:
+def _voltage_driven_torque(torque_demand: Array, velocity: Array, motor: Motor) -> Array:
     """Torque of a voltage-driven motor for the PD law's demand `torque_demand`, N m, minus its back-EMF."""
     duty = _duty(torque_demand, motor)
     return motor.stall_torque * (duty - velocity / motor.no_load_speed) * _conductance(duty, motor)
@@ -273,16 +273,16 @@ def joint_damping(
     xp = library(velocity)
     torque_demand = _demand(command, position, velocity, motor)
     peak = motor.peak_torque
-    lower, upper = (end.clip(-peak, peak) for end in _supply_range(velocity, motor))
+    lower, upper = (bound.clip(-peak, peak) for bound in _supply_range(velocity, motor))
     limit = xp.where(torque_demand > upper, upper, lower)
     line = motor.stall_torque / motor.no_load_speed
-    limited = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
-    within = _engaged_damping(command, position, motor) * motor.strength
+    limit_damping = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
+    demand_damping = _engaged_damping(command, position, motor) * motor.strength
     if motor.voltage_gain is not None:
         gain, duty = motor.voltage_gain, _duty(_requested(command, position, velocity, motor), motor)
-        slope = xp.where(xp.abs(duty) < 1.0, within * gain, 0.0) + line
-        within = xp.where(gain > 0.0, slope * _conductance(duty, motor), within)
-    delivered = xp.where((torque_demand > upper) | (torque_demand < lower), limited, within)
+        slope = xp.where(xp.abs(duty) < 1.0, demand_damping * gain, 0.0) + line
+        demand_damping = xp.where(gain > 0.0, slope * _conductance(duty, motor), demand_damping)
+    delivered = xp.where((torque_demand > upper) | (torque_demand < lower), limit_damping, demand_damping)
     if lag is not None:
         delivered = delivered * (1.0 - lag.in_mean)
     dry = _dry_friction(velocity, motor, torque_demand.clip(lower, upper))

@@ -21,8 +21,8 @@ from footfall.robots.actuator import JointCommand
 Array = Any  # a NumPy or a JAX array
 
 INPUTS = 3  # position error, velocity, torque
-KERNEL = "kernel_"  # begins the names of the layers' arrays in a file
-ARRAYS = ("linear", "memory_s", "scale", "limit_nm")  # the others
+KERNEL = "kernel_"  # prefix of the names of the layers' arrays in a file
+ARRAYS = ("linear", "memory_s", "scale", "limit_nm")  # names of the other arrays
 
 
 class ActuatorNet(NamedTuple):
@@ -36,7 +36,7 @@ class ActuatorNet(NamedTuple):
 
     @property
     def joints(self) -> int:
-        """n."""
+        """Number of joints, n."""
         return int(self.limit.shape[0])
 
     def of(self, joints: np.ndarray) -> "ActuatorNet":
@@ -51,7 +51,7 @@ class ActuatorNet(NamedTuple):
 
 
 class Learned(NamedTuple):
-    """What the networks give in one physics step."""
+    """Results of the networks for one physics step."""
 
     torque: Array  # (..., n) N m, to be added at the joints
     damping: Array  # (..., n) N m s/rad, at least 0: minus its slope in the current velocity
@@ -61,7 +61,7 @@ class Learned(NamedTuple):
 def inputs_of(
     net: ActuatorNet, command: JointCommand, position: Array, velocity: Array, torque: Array
 ) -> Array:
-    """What the networks read now, in units of their scales, (..., n, INPUTS).
+    """The current inputs of the networks, in units of their scales, (..., n, INPUTS).
 
     Args:
         net: the networks.
@@ -85,8 +85,8 @@ def learned_torque(net: ActuatorNet, inputs: Array, memory: Array, step_s: float
         step_s: length of the step. The low-passes are exact for inputs that are constant over it.
     """
     xp = library(inputs)
-    read = xp.concatenate([inputs[..., None, :], memory], axis=-2)
-    signal = hidden = read.reshape(*read.shape[:-2], 1, -1)  # (..., n, 1, inputs)
+    features = xp.concatenate([inputs[..., None, :], memory], axis=-2)
+    signal = hidden = features.reshape(*features.shape[:-2], 1, -1)  # (..., n, 1, inputs)
     *layers, last = net.layers
     slope = None  # of a layer's outputs in the current velocity
     for layer in layers:
@@ -95,9 +95,9 @@ def learned_torque(net: ActuatorNet, inputs: Array, memory: Array, step_s: float
     output = xp.tanh(xp.matmul(hidden, last) + xp.matmul(signal, net.linear))
     slope = (1.0 - output * output) * (xp.matmul(slope, last) + net.linear[:, 1:2])
     damping = -net.limit * slope[..., 0, 0] / net.scale[:, 1]
-    kept = np.exp(-float(step_s) / net.memory_s)[:, None]
+    decay = np.exp(-float(step_s) / net.memory_s)[:, None]
     now = inputs[..., None, :]
-    return Learned(net.limit * output[..., 0, 0], xp.maximum(damping, 0.0), now + kept * (memory - now))
+    return Learned(net.limit * output[..., 0, 0], xp.maximum(damping, 0.0), now + decay * (memory - now))
 
 
 def save_net(path: Path, net: ActuatorNet, joints: tuple[str, ...]) -> None:
@@ -126,16 +126,16 @@ def load_net(path: Path, joints: tuple[str, ...]) -> ActuatorNet:
         net = ActuatorNet(layers, *(found[name].astype(float) for name in ARRAYS))
         names = tuple(found["joints"].tolist())
     except (OSError, KeyError, ValueError) as error:
-        raise UserError(f"{path} is no file of 'footfall identify net': {error}") from None
+        raise UserError(f"{path} is not a file of 'footfall identify net': {error}") from None
     if names != joints:
-        raise UserError(f"{path} is of other joints than the robot's: {', '.join(map(str, names))}")
-    if reason := _wrong(net, len(joints)):
+        raise UserError(f"{path} was learned for other joints than the robot's: {', '.join(map(str, names))}")
+    if reason := _misfit(net, len(joints)):
         raise UserError(f"{path}: {reason}")
     return net
 
 
-def _wrong(net: ActuatorNet, joints: int) -> str:
-    """Why arrays are no networks of this many joints; empty if they are."""
+def _misfit(net: ActuatorNet, joints: int) -> str:
+    """Why the arrays are not networks of this many joints; empty if they are."""
     sizes = [INPUTS * (1 + net.memory_s.size), *(layer.shape[-1] for layer in net.layers)]
     shapes = [(joints, *pair) for pair in pairwise(sizes)]
     fits = net.linear.shape == (joints, sizes[0], 1) and sizes[-1] == 1 and net.memory_s.ndim == 1

@@ -18,7 +18,7 @@ from footfall.robots.readings import Sensed
 from footfall.robots.support import convex_hull
 
 CONTACT_THRESHOLD = 0.5  # contact probability above which a foot carries weight
-_REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
+_REGULARISATION = 1e-5 * np.eye(3)  # m^2/rad^2
 _MIN_HEIGHT_M = 0.01  # smallest height of the inverted pendulum
 
 
@@ -29,7 +29,7 @@ class Balance(NamedTuple):
     capture: np.ndarray  # (3,) capture point, on the ground
     foot: np.ndarray  # (feet, 3) lowest point of each foot
     support: np.ndarray  # (k, 3) corners of the support polygon, counter-clockwise; empty if no foot stands
-    force: np.ndarray  # (feet, 3) N, of the ground on each foot that stands; zero for the others
+    force: np.ndarray  # (feet, 3) N, of the ground on each foot that stands; zero for the other feet
 
 
 class BalanceModel:
@@ -80,15 +80,15 @@ class BalanceModel:
         points = [self._lowest(foot) for foot in range(len(self._feet))]
         foot = np.array([each[each[:, 2].argmin()] for each in points])
         stands = contact > CONTACT_THRESHOLD
-        ground = float(foot[stands, 2].mean()) if stands.any() else float(foot[:, 2].min())
+        ground_z = float(foot[stands, 2].mean()) if stands.any() else float(foot[:, 2].min())
         centre = data.subtree_com[self._base].copy()
-        fall_s = math.sqrt(max(centre[2] - ground, _MIN_HEIGHT_M) / GRAVITY_M_S2)
+        fall_s = math.sqrt(max(centre[2] - ground_z, _MIN_HEIGHT_M) / GRAVITY_M_S2)
         capture = centre + fall_s * data.subtree_linvel[self._base]
-        capture[2] = ground
+        capture[2] = ground_z
         corners = convex_hull(
             [(float(x), float(y)) for foot in np.flatnonzero(stands) for x, y, _ in points[foot]]
         )
-        support = np.array([(x, y, ground) for x, y in corners]).reshape(-1, 3)
+        support = np.array([(x, y, ground_z) for x, y in corners]).reshape(-1, 3)
         return Balance(centre, capture, foot, support, self._forces(sensed, stands) @ rotation.T)
 
     def _lowest(self, foot: int) -> np.ndarray:
@@ -103,6 +103,6 @@ class BalanceModel:
         """Forces on the feet, (feet, 3) N, base frame."""
         torque = external_torque(self._legs, sensed, sensed.joint_torque)
         jacobian = self._legs.pose(sensed.joint_position).jacobian
-        regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
-        force: np.ndarray = solve(regular, jacobian @ torque[:, :, None])[:, :, 0]
+        regularised = jacobian @ jacobian.transpose(0, 2, 1) + _REGULARISATION
+        force: np.ndarray = solve(regularised, jacobian @ torque[:, :, None])[:, :, 0]
         return force * stands[:, None]

@@ -52,7 +52,7 @@ class Battery:
         if not points:
             known = read_yaml(CHEMISTRIES)
             if self.chemistry not in known:
-                raise ValueError(f"no chemistry '{self.chemistry}': there is {', '.join(known)}")
+                raise ValueError(f"no chemistry '{self.chemistry}': there are {', '.join(known)}")
             points = known[self.chemistry]
         charge, voltage = np.array(points, dtype=float).T
         return charge, self.cells * voltage

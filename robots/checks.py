@@ -35,12 +35,12 @@ def inconsistencies(description: Description) -> Iterator[str]:
         yield f"bus '{bus}': motors, force sensors and stop frames are on CAN; a serial port carries an IMU"
     if frame is not None and frame.bus not in buses:
         yield f"stop_inputs.frame: no joint and no IMU is on bus '{frame.bus}' ({', '.join(sorted(buses))})"
-    without = [joint.name for joint in description.joints if joint.lying_rad is None]
-    if without and len(without) < len(names):
-        yield f"joint {without[0]} has no lying_rad, though others have"
+    without_lying = [joint.name for joint in description.joints if joint.lying_rad is None]
+    if without_lying and len(without_lying) < len(names):
+        yield f"joint {without_lying[0]} has no lying_rad, though other joints have one"
     unequipped = [foot.name for foot in description.feet if foot.force_bus is None]
     if sensors and unequipped:
-        yield f"foot {unequipped[0]} has no force_bus, though others have"
+        yield f"foot {unequipped[0]} has no force_bus, though other feet have one"
     yield from _wrong_feet(description.feet, names)
 
 
@@ -102,7 +102,7 @@ def _wrong_joints(description: Description, model: mujoco.MjModel) -> Iterator[s
         dof, (low, high) = found.dofadr[0], found.range
         soft_low, soft_high = soft_limits(low, high, description.soft_limit_factor)
         if found.type[0] != mujoco.mjtJoint.mjJNT_HINGE:
-            yield f"joint {joint.name} is no hinge in {description.model}"
+            yield f"joint {joint.name} is not a hinge in {description.model}"
         elif not model.jnt_limited[found.id]:
             yield f"joint {joint.name} has no range in {description.model}"
         elif not found.armature[0] > 0.0:

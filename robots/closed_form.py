@@ -30,23 +30,23 @@ class ClosedForm(NamedTuple):
     the first angle's cosine and a multiple of its sine.
     """
 
-    anchor: list[float]  # (3,) m, on the first hinge
-    along: list[float]  # (3,) the parallel axes' part along the first
-    across: list[complex]  # (3,) and across it; the imaginary part is a quarter turn ahead
-    still: list[complex]  # (3,) a vector's part in the plane: the constant
-    cosine: list[complex]
-    sine: list[complex]
+    anchor: list[float]  # (3,) m, point on the first hinge
+    along: list[float]  # (3,) component of the parallel axes along the first axis
+    across: list[complex]  # (3,) component across it; the imaginary part is a quarter turn ahead
+    constant: list[complex]  # (3,) a vector's part in the plane: the constant
+    cosine: list[complex]  # (3,) the multiple of the cosine
+    sine: list[complex]  # (3,) the multiple of the sine
     offset: float  # m, of the tip from the first hinge along the parallel axes
-    side: float  # +1 or -1: of the first hinge's two solutions
+    side: float  # +1 or -1: selects one of the first hinge's two solutions
     origin: complex  # m, the second hinge in the limb's plane
     upper: complex  # m, link from the second hinge to the third
-    lower: complex  # m, from the third to the tip
-    bend: float  # +1 or -1: of the knee's two solutions
+    lower: complex  # m, link from the third hinge to the tip
+    bend: float  # +1 or -1: selects one of the knee's two solutions
     square_sum: float  # m^2, of the two links' lengths
     twice_product: float  # m^2, of the two links' lengths
     knee_offset: float  # rad, between the links at zero knee angle
-    middle: list[float]  # rad, (3,) of each joint's range
-    half: list[float]  # rad, (3,)
+    middle: list[float]  # (3,) rad, middle of each joint's range
+    half: list[float]  # (3,) rad, half of each joint's range
 
     def angles(self, tip: Sequence[float]) -> tuple[float, float, float]:
         """The three angles, rad, for a tip position (3,) in the base frame, m.
@@ -66,7 +66,7 @@ class ClosedForm(NamedTuple):
         turn = self.side * _arccos((self.offset - along) / max(abs(across), 1e-9))
         first = _within(cmath.phase(across) + turn, self.middle[0], self.half[0])
         # Law of cosines for the knee, then the hip turns the two-link arm towards the tip.
-        a, b, c = self.still
+        a, b, c = self.constant
         position = x * a + y * b + z * c - self.origin
         a, b, c = self.cosine
         d, e, f = self.sine
@@ -82,7 +82,7 @@ class ClosedForm(NamedTuple):
 def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
     """The closed form of a limb; None for a limb with other axes.
 
-    The knee bends, and the first hinge turns, to the same side as in the default pose.
+    The knee and the first hinge turn to the same side as in the default pose.
 
     Args:
         limb: its geometry.
@@ -91,8 +91,8 @@ def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
     if len(limb.axis) != 3:
         return None
     first, normal, third = limb.axis
-    bent = np.linalg.norm(np.cross(normal, third)) > _PARALLEL or normal @ third < 0
-    if bent or np.linalg.norm(np.cross(first, normal)) < _PARALLEL:
+    not_parallel = np.linalg.norm(np.cross(normal, third)) > _PARALLEL or normal @ third < 0
+    if not_parallel or np.linalg.norm(np.cross(first, normal)) < _PARALLEL:
         return None
     upper_link, lower_link = limb.anchor[2] - limb.anchor[1], limb.tip - limb.anchor[2]
     flat = upper_link - (upper_link @ normal) * normal
@@ -110,7 +110,7 @@ def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
         anchor=limb.anchor[0].tolist(),
         along=(along @ normal).tolist(),
         across=(across @ normal + 1j * (turned @ normal)).tolist(),
-        still=(along @ plane).tolist(),
+        constant=(along @ plane).tolist(),
         cosine=(across @ plane).tolist(),
         sine=(turned @ plane).tolist(),
         offset=float(hip @ normal),
@@ -127,7 +127,7 @@ def closed_form(limb: Limb, default_tip: np.ndarray) -> ClosedForm | None:
     )
     left = right._replace(side=-1.0)
     position = default_tip.tolist()
-    return min((right, left), key=lambda side: np.abs(side.angles(position) - limb.default).max())
+    return min((right, left), key=lambda solution: np.abs(solution.angles(position) - limb.default).max())
 
 
 def _arccos(cosine: float) -> float:
@@ -137,8 +137,8 @@ def _arccos(cosine: float) -> float:
 
 def _within(angle: float, middle: float, half: float) -> float:
     """The turn of an angle that is nearest to the middle of a range, moved into the range."""
-    away = (angle - middle + math.pi) % (2 * math.pi) - math.pi
-    return middle + (half if away > half else -half if away < -half else away)
+    offset = (angle - middle + math.pi) % (2 * math.pi) - math.pi
+    return middle + (half if offset > half else -half if offset < -half else offset)
 
 
 def _split_rotation(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

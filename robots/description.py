@@ -181,8 +181,8 @@ def _assemble(description: Description, folder: Path) -> Robot:
     motors = [description.motors[joint.motor] for joint in description.joints]
     dofs = model.jnt_dofadr[ids]
     optional = _optional_effects(motors)
-    named = description.actuator_net
-    net = None if named is None else load_net(folder / named, description.joint_names)
+    net_file = description.actuator_net
+    net = None if net_file is None else load_net(folder / net_file, description.joint_names)
     motor = Motor(
         peak_torque=np.array([m.peak_torque_nm for m in motors]),
         stall_torque=np.array([m.stall_torque_nm for m in motors]),
@@ -223,9 +223,9 @@ def _optional_effects(motors: list[MotorType]) -> dict[str, np.ndarray]:
     }
     found = {name: values for name, values in found.items() if values.any()}
     if any(m.stribeck_speed_rad_s is not None for m in motors):
-        of_ramps = [STRIBECK_RAMPS * m.friction_speed_rad_s for m in motors]
+        default_speeds = [STRIBECK_RAMPS * m.friction_speed_rad_s for m in motors]
         given = [m.stribeck_speed_rad_s for m in motors]
-        found["stribeck_speed"] = np.array([s or r for s, r in zip(given, of_ramps, strict=True)])
+        found["stribeck_speed"] = np.array([s or r for s, r in zip(given, default_speeds, strict=True)])
     return found
 
 

@@ -33,6 +33,7 @@ CONSTRAINTS = (
     "tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_limited", "tendon_range",
     "tendon_lengthspring", "wrap_type", "wrap_objid", "wrap_prm", "exclude_signature",
 )  # fmt: skip
+# Optional effects of a motor: a field at its default is left out of the digest.
 NOMINALLY_ABSENT = (
     "torque_bandwidth_hz", "stribeck_friction_nm", "stribeck_speed_rad_s", "load_friction", "backlash_rad",
     "gear_stiffness_nm_rad", "voltage_driven", "duty_resistance", "thermal_resistance_k_w",
@@ -52,13 +53,13 @@ def digest(description: Description, model: mujoco.MjModel, net: ActuatorNet | N
             does not use, visuals, sensors and actuators.
         net: the learned part of the joint law; the name of its file does not count.
     """
-    sha = hashlib.sha256(json.dumps(_counted(description), sort_keys=True).encode())
+    sha = hashlib.sha256(json.dumps(_included(description), sort_keys=True).encode())
     for name, values in (*_figures(description, model), *_learned(net)):
         sha.update(f"\n{name} {' '.join(map(_text, np.ravel(values).tolist()))}".encode())
     return sha.hexdigest()[:16]
 
 
-def _counted(description: Description) -> Any:
+def _included(description: Description) -> Any:
     content = unstructure(description)
     for name in (
         "imu_bus",

@@ -19,13 +19,13 @@ class DrivenMotion(NamedTuple):
     inertia: np.ndarray  # (T, n, n) kg m^2, armature included
     bias: np.ndarray  # (T, n) N m, of gravity and velocities
     torque: np.ndarray  # (T, n) N m, of the motors by the physical law
-    before: np.ndarray  # (T, n) N m, the same at the beginning of each step, of motors with lag
-    missing: np.ndarray  # (T, n) N m at the joints, what the law lacks for the recorded acceleration
+    before: np.ndarray  # (T, n) N m, torque of motors with lag at the beginning of each step
+    missing: np.ndarray  # (T, n) N m at the joints, torque that the law lacks for the recorded acceleration
     starts: np.ndarray  # (S,) steps at which a window may begin
     block: np.ndarray  # (S,) number of the stretch of the recording that the window lies in; -1: in two
 
     def only(self, kept: np.ndarray) -> "DrivenMotion":
-        """The same with some of the starts, (S,) bool."""
+        """The same motion with the starts where `kept`, (S,) bool, is true."""
         return self._replace(starts=self.starts[kept], block=self.block[kept])
 
 

@@ -40,15 +40,15 @@ def foot_spheres(model: mujoco.MjModel, geoms: np.ndarray, tip: np.ndarray) -> F
         middle, half = np.split(model.geom_aabb[geom], 2)
         match model.geom_type[geom]:
             case mujoco.mjtGeom.mjGEOM_SPHERE:
-                inside, thickness = np.zeros((1, 3)), size[0]
+                offsets, sphere_radius = np.zeros((1, 3)), size[0]
             case mujoco.mjtGeom.mjGEOM_CAPSULE:
-                inside, thickness = np.array([[0.0, 0.0, size[1]], [0.0, 0.0, -size[1]]]), size[0]
+                offsets, sphere_radius = np.array([[0.0, 0.0, size[1]], [0.0, 0.0, -size[1]]]), size[0]
             case _:
-                inside, thickness = middle + half * np.array(list(product((-1, 1), repeat=3))), 0.0
-        turn = np.zeros(9)
-        mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-        centres.append(model.geom_pos[geom] - tip + inside @ turn.reshape(3, 3).T)
-        radius.append(np.full(len(inside), thickness))
+                offsets, sphere_radius = middle + half * np.array(list(product((-1, 1), repeat=3))), 0.0
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
+        centres.append(model.geom_pos[geom] - tip + offsets @ rotation.reshape(3, 3).T)
+        radius.append(np.full(len(offsets), sphere_radius))
     return FootSpheres(np.concatenate(centres), np.concatenate(radius))
 
 
@@ -76,10 +76,10 @@ def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -
             for index in np.flatnonzero(geoms < 0):
                 expected_centre = _from_last_joint(own, expected, foot, own.geom(foot.geoms[index]).id)
                 geoms[index] = _nearest(model, actual, foot, expected_centre)
-    return tuple(_once(geoms[geoms >= 0]) for geoms in found)
+    return tuple(_unique(geoms[geoms >= 0]) for geoms in found)
 
 
-def _once(geoms: np.ndarray) -> np.ndarray:
+def _unique(geoms: np.ndarray) -> np.ndarray:
     """The ids in their order, without repetitions."""
     return np.array(list(dict.fromkeys(geoms.tolist())), dtype=int)
 
@@ -102,12 +102,12 @@ def _nearest(model: mujoco.MjModel, data: mujoco.MjData, foot: Foot, expected_ce
         return -1
     joint = data.xanchor[model.joint(foot.joints[-1]).id]
     centre = np.array([np.linalg.norm(data.geom_xpos[geom] - joint - expected_centre) for geom in candidates])
-    away = centre
+    distance = centre
     if len(foot.geoms) > 1:
         touching = (_world_spheres(model, data, geom) - joint - expected_centre for geom in candidates)
-        away = np.minimum(centre, [np.linalg.norm(each, axis=1).min() for each in touching])
-    nearest = int(np.lexsort((centre, away.round(6)))[0])
-    return candidates[nearest] if away[nearest] <= MAX_OFFSET * np.linalg.norm(expected_centre) else -1
+        distance = np.minimum(centre, [np.linalg.norm(each, axis=1).min() for each in touching])
+    nearest = int(np.lexsort((centre, distance.round(6)))[0])
+    return candidates[nearest] if distance[nearest] <= MAX_OFFSET * np.linalg.norm(expected_centre) else -1
 
 
 def _world_spheres(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:

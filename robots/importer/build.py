@@ -39,8 +39,8 @@ def build_machine(
     if guessed != "x":
         source = turned(source, limbs.base, guessed)
     model = source.model
-    use = Counter(joint for limb in limbs.legs for joint in limb.joints)
-    links = list(build_links(source, limbs.base, set(use)))
+    uses = Counter(joint for limb in limbs.legs for joint in limb.joints)
+    links = list(build_links(source, limbs.base, set(uses)))
     if not source.self_collisions:
         links = [_with_friction(link, FOOT_FRICTION) for link in links]
     data = pose_of(model, frozen_pose(model, set()))
@@ -50,19 +50,19 @@ def build_machine(
         limbs.legs, ends, leg_names([model.body(end).name for end in ends]), strict=True
     ):
         index = next(i for i, link in enumerate(links) if link.name == model.body(end).name)
-        own = tuple(joint for joint in limb.joints if use[joint] == 1)
+        own_joints = tuple(joint for joint in limb.joints if uses[joint] == 1)
         upward = data.xmat[end].reshape(3, 3)[2]
         try:
-            links[index], leg = stand_on(links[index], index, limb, own, leg_name, upward)
+            links[index], leg = stand_on(links[index], index, limb, own_joints, leg_name, upward)
         except UserError as error:
             raise UserError(f"{source.path}: {error}") from None
         legs.append(leg)
     imu, imu_guess = _imu(model, limbs.base)
-    ahead = forward or guessed
-    base = f"base: '{model.body(limbs.base).name}', its {ahead} axis pointing forward, {up} up"
+    forward_axis = forward or guessed
+    base = f"base: '{model.body(limbs.base).name}', its {forward_axis} axis pointing forward, {up} up"
     if guessed != "x":
         base += ", by the legs called left and right (--forward x keeps the file's axes)"
-    guesses = [base, *source.guesses, *limbs.guesses, *_frozen(source, limbs, set(use)), imu_guess]
+    guesses = [base, *source.guesses, *limbs.guesses, *_frozen(source, limbs, set(uses)), imu_guess]
     if source.meshes:
         guesses.append(f"{len(source.meshes)} meshes were replaced by primitives")
     if not source.self_collisions:

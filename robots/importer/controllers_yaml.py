@@ -29,7 +29,7 @@ IMMEDIATE_SETTLE_S = 0.05
 Unit = tuple[float, float, float]  # exponents of kg, m and s
 NO_UNIT: Unit = (0, 0, 0)
 
-# By the end of a setting's name; all other settings are shares, counts, angles or rates of the loop.
+# Units by the end of a setting's name. All other settings are shares, counts, angles or rates of the loop.
 BY_SUFFIX: dict[str, Unit] = {
     "_rad_s2": (0, 0, -2),
     "_m_s2": (0, 1, -2),
@@ -39,7 +39,7 @@ BY_SUFFIX: dict[str, Unit] = {
     "_n": (1, 1, -2),
     "_s": (0, 0, 1),
 }
-# By the end of a setting's key: the longest that fits.
+# Units by the end of a setting's key. The longest match counts.
 BY_KEY: dict[str, Unit] = {
     "kp": (1, 2, -2),
     "kd": (1, 2, -1),
@@ -71,7 +71,7 @@ MEASURED = {
     "half_length_m": "sole_length_m",
     "half_width_m": "sole_width_m",
 }
-# A leg moves its foot sideways if a hinge axis has at least this part outside the y direction.
+# A leg moves its foot sideways if a hinge axis has at least this component across the y direction.
 SIDEWAYS = 0.1
 # Minimum duty factor under MPC for legs that cannot push sideways, so that more feet stand.
 PLANAR_DUTY = 0.65
@@ -151,8 +151,8 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
     if size.spread_m == 0.0:
         _raise_duty(sections)
     stand = sections["stand"]
-    raised = max(1.0, stiffest / stand["kp"])
-    stand |= {key: _rounded(raised * stand[key]) for key in ("kp", "kd")}
+    factor = max(1.0, stiffest / stand["kp"])
+    stand |= {key: _rounded(factor * stand[key]) for key in ("kp", "kd")}
     if "step" in sections and max(size.sole_length_m, size.sole_width_m) <= SMALLEST_SOLE_M:
         sections = {"step": _immediate_stepping(sections["step"])}
     origin = f"{name} ({source.mass_kg:.3g} kg, standing {source.height_m:.3g} m high)"

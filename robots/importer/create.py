@@ -72,7 +72,7 @@ def import_robot(request: ImportRequest) -> Imported:
     """Write a robot folder.
 
     Raises:
-        UserError: the folder exists, or the source is no legged machine that footfall can move. Nothing is
+        UserError: the folder exists, or the source is not a legged machine that footfall can move. Nothing is
             written in that case.
     """
     folder = request.folder
@@ -102,22 +102,22 @@ def import_robot(request: ImportRequest) -> Imported:
         len(machine.legs),
         drive.stiffest(machine),
     )
-    protocols, beyond = choose_protocols(machine, drive, request.protocols, (walking.kp, walking.kd))
+    protocols, out_of_range = choose_protocols(machine, drive, request.protocols, (walking.kp, walking.kd))
     touching = _touching_links(model, qpos)
     paired, leg_pairs = with_leg_pairs(machine, pose)
     guesses += [*published.sources, *armature_guesses, *drive.guesses]
     guesses += _beyond_rated(names, standing.torque_nm, published.rated_torque_nm)
-    guesses += _about_pose(machine, pose, folded=bool(source.pose_rad)) + _about_wiring(beyond)
+    guesses += _about_pose(machine, pose, has_keyframe=bool(source.pose_rad)) + _about_wiring(out_of_range)
     if touching:
         guesses.append(f"{len(touching)} pairs of links that overlap in the default pose do not collide")
     guesses.append(_about_leg_pairs(leg_pairs))
     origin = f"Made from {request.source.name} by footfall robot new."
 
-    def described(lying: Mapping[str, float] | None = None) -> str:
+    def robot_text(lying: Mapping[str, float] | None = None) -> str:
         """The text of `robot.yaml`, with a lying pose if there is one."""
         return robot_yaml(machine, pose, drive, protocols, [origin, *_as_comment(guesses)], lying)
 
-    def completed(robot: Robot) -> dict[str, str]:
+    def dependent_texts(robot: Robot) -> dict[str, str]:
         """Texts of files that depend on the loaded robot: on its gaits and its lying pose."""
         lying = None
         if request.find_lying_pose is not None:
@@ -126,7 +126,7 @@ def import_robot(request: ImportRequest) -> Imported:
             guesses.append(LYING_FOUND if lying else LYING_NOT_FOUND)
         gaits = request.gaits_of(robot)
         return {
-            "robot.yaml": described(lying),
+            "robot.yaml": robot_text(lying),
             "training.yaml": training_yaml(
                 machine, pose, command_range(machine, pose), next(iter(gaits), None)
             ),
@@ -137,10 +137,10 @@ def import_robot(request: ImportRequest) -> Imported:
         MODEL_FILE: model_xml(
             paired, pose.height_m, touching, leg_pairs, [origin, "robot.yaml lists the guesses."]
         ),
-        "robot.yaml": described(),
+        "robot.yaml": robot_text(),
         "randomisation.yaml": randomisation_yaml(machine, pose, request.defaults),
     }
-    _write(folder, texts, completed, request.source)
+    _write(folder, texts, dependent_texts, request.source)
     return Imported(folder, tuple(guesses))
 
 
@@ -154,12 +154,13 @@ def _beyond_rated(joints: Sequence[str], torque_nm: np.ndarray, rated: ByJoint) 
     return [f"motors stand beyond their rated torque: {shortened(found)}"] if found else []
 
 
-def _about_pose(machine: Machine, pose: Pose, *, folded: bool) -> list[str]:
+def _about_pose(machine: Machine, pose: Pose, *, has_keyframe: bool) -> list[str]:
     """Lines about the default pose.
 
     Args:
         machine, pose: robot and its default pose.
-        folded: whether the source has a keyframe, which folds the legs unless the pose is of it.
+        has_keyframe: whether the source has a keyframe. If the pose is another one, the keyframe folds the
+            legs.
     """
     lines = []
     if len(machine.legs) == BIPED_LEGS and pose.knees_forward_m < 0.0:
@@ -167,27 +168,29 @@ def _about_pose(machine: Machine, pose: Pose, *, folded: bool) -> list[str]:
             f"the knees bend backward: does x of '{machine.links[0].name}' point forward (--forward)?"
         )
     if pose.given:
-        lines.append("default pose: of the file's keyframe, the base level")
+        lines.append("default pose: that of the file's keyframe, with a level base")
     else:
-        keyframe = " (the file's keyframe folds the legs)" if folded else ""
+        keyframe = " (the file's keyframe folds the legs)" if has_keyframe else ""
         lines.append(f"default pose: knees bent, centre of mass above the feet{keyframe}")
     if not machine.stands_still:
-        lines.append("start: held up until it steps in place, since it cannot stand still on two points")
+        lines.append(
+            "start: held up until the robot steps in place, since it cannot stand still on two points"
+        )
     return lines
 
 
-def _about_wiring(beyond: list[str]) -> list[str]:
-    """Lines about buses and protocols; `beyond` are joints whose ranges no protocol has."""
+def _about_wiring(out_of_range: list[str]) -> list[str]:
+    """Lines about buses and protocols; `out_of_range` are joints whose ranges no protocol has."""
     lines = ["bus, id and protocol of each motor are placeholders, and so is the IMU's bus"]
-    if beyond:
-        lines.append(f"no protocol has the ranges of {shortened(beyond)}: the widest was taken")
+    if out_of_range:
+        lines.append(f"no protocol has the ranges of {shortened(out_of_range)}: the widest was taken")
     return lines
 
 
 def _about_leg_pairs(pairs: Sequence[tuple[str, str]]) -> str:
     if not pairs:
         return "legs do not collide in training: their capsules collided in no random pose, or rarely"
-    listed = shortened([f"{one} with {other}" for one, other in pairs])
+    listed = shortened([f"{first} with {second}" for first, second in pairs])
     return (
         f"legs collide in training through {len(pairs)} pairs of capsules, each costs training time: {listed}"
     )
@@ -240,14 +243,17 @@ def _touching_links(model: mujoco.MjModel, qpos: np.ndarray) -> list[tuple[str, 
 
 
 def _write(
-    folder: Path, texts: Mapping[str, str], completed: Callable[[Robot], Mapping[str, str]], source: Path
+    folder: Path,
+    texts: Mapping[str, str],
+    dependent_texts: Callable[[Robot], Mapping[str, str]],
+    source: Path,
 ) -> None:
     """Write the files into a new folder if footfall can load them.
 
     Args:
         folder: the new folder.
         texts: contents of the files, by name.
-        completed: returns further or replaced texts for the robot that the files describe.
+        dependent_texts: returns further or replaced texts for the robot that the files describe.
         source: the file that a refusal names, since the new folder does not remain.
     """
     try:
@@ -256,7 +262,7 @@ def _write(
             made = Path(scratch) / folder.name
             made.mkdir()
             _write_all(made, texts)
-            _write_all(made, completed(_loaded(made, source)))
+            _write_all(made, dependent_texts(_loaded(made, source)))
             _loaded(made, source)
             made.rename(folder)
     except OSError as error:

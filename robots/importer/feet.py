@@ -54,23 +54,23 @@ def stand_on(
     lowest = geoms[int(lows.argmin())]
     near = [g for g, low in zip(geoms, lows, strict=True) if low < lows.min() + LEVEL_M]
     has_ankle = len(limb.joints) >= WITH_ANKLE
-    stands = [g for g in near if _can_stand(g.shape, up)] if _can_stand(lowest.shape, up) else [lowest]
+    standing = [g for g in near if _can_stand(g.shape, up)] if _can_stand(lowest.shape, up) else [lowest]
     lying = [g for g in near if has_ankle and g.points is None and _lies(g.shape, up)]
     if lowest in lying:
-        stands = lying
-    replaced = {g.name for g in stands}
+        standing = lying
+    replaced = {g.name for g in standing}
     others = [g for g in link.geoms if g.name not in replaced]
     if lowest in lying:
         others += [replace(g, shape=_thinner(g.shape)) for g in lying]
-        stands = _outline([sphere for g in lying for sphere in _ends(g)], up)
+        standing = _outline([sphere for g in lying for sphere in _ends(g)], up)
     elif has_ankle and lowest.points is not None:
-        stands = [replace(lowest, shape=fit_sole(lowest.points, up))]
+        standing = [replace(lowest, shape=fit_sole(lowest.points, up))]
     elif not _can_stand(lowest.shape, up):
-        stands = [replace(lowest, shape=_tip(lowest.shape, up))]
-        rest = _shortened(lowest, stands[0].shape, up)
+        standing = [replace(lowest, shape=_tip(lowest.shape, up))]
+        rest = _shortened(lowest, standing[0].shape, up)
         others += [] if rest is None else [rest]
-    others += [replace(g, shape=_raised(g.shape, up)) for g in stands if is_sole(g.shape, up)]
-    parts = [part for g in stands for part in (_corners(g, up) if is_sole(g.shape, up) else [g])]
+    others += [replace(g, shape=_raised(g.shape, up)) for g in standing if is_sole(g.shape, up)]
+    parts = [part for g in standing for part in (_corners(g, up) if is_sole(g.shape, up) else [g])]
     feet = tuple(
         replace(g, name=f"{name}_foot{f'_{i + 1}' if len(parts) > 1 else ''}") for i, g in enumerate(parts)
     )
@@ -106,11 +106,11 @@ def _thinner(shape: Shape) -> Shape:
 def _ends(geom: Geom) -> list[Geom]:
     """Spheres at both ends of a capsule or a cylinder."""
     shape = geom.shape
-    away = rotation_of(shape.quaternion)[:, 2] * shape.size[1]
+    half_axis = rotation_of(shape.quaternion)[:, 2] * shape.size[1]
     size = np.array([shape.size[0], 0.0, 0.0])
     upright = np.array([1.0, 0.0, 0.0, 0.0])
     return [
-        replace(geom, shape=Shape(Kind.mjGEOM_SPHERE, size, shape.position + side * away, upright))
+        replace(geom, shape=Shape(Kind.mjGEOM_SPHERE, size, shape.position + side * half_axis, upright))
         for side in (1.0, -1.0)
     ]
 
@@ -133,14 +133,14 @@ def _corners(sole: Geom, up: np.ndarray) -> list[Geom]:
     axes = rotation_of(shape.quaternion)
     along = axes.T @ up
     vertical = int(np.abs(along).argmax())
-    ahead, aside = (axis for axis in range(3) if axis != vertical)
+    length_axis, width_axis = (axis for axis in range(3) if axis != vertical)
     found = []
     for front in (1.0, -1.0):
         for left in (1.0, -1.0):
             corner = np.zeros(3)
             corner[vertical] = -np.sign(along[vertical]) * (shape.size[vertical] - radius)
-            corner[ahead] = front * (shape.size[ahead] - radius)
-            corner[aside] = left * (shape.size[aside] - radius)
+            corner[length_axis] = front * (shape.size[length_axis] - radius)
+            corner[width_axis] = left * (shape.size[width_axis] - radius)
             centre = shape.position + axes @ corner
             size = np.array([radius, 0.0, 0.0])
             sphere = Shape(Kind.mjGEOM_SPHERE, size, centre, np.array([1.0, 0.0, 0.0, 0.0]))
@@ -186,5 +186,5 @@ def _shortened(geom: Geom, tip: Shape, up: np.ndarray) -> Geom | None:
     size[half] -= tip.size[0] / 2
     if abs(slope) < 0.3 or size[half] <= 0.0:
         return None
-    back = np.sign(slope) * axes[:, axis] * tip.size[0] / 2
-    return replace(geom, shape=shape._replace(size=size, position=shape.position + back))
+    shift = np.sign(slope) * axes[:, axis] * tip.size[0] / 2
+    return replace(geom, shape=shape._replace(size=size, position=shape.position + shift))

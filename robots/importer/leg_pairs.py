@@ -1,4 +1,4 @@
-"""Capsule pairs through which the legs of a machine collide in training: few, since each costs time.
+"""Capsule pairs through which the legs of a machine collide in training: few, because each pair costs time.
 
 A leg's shank gets a capsule that includes the foot, or ends at the ankle if the foot is a link of its own.
 Such a foot gets a second capsule. Random poses show which capsules of two legs collide.
@@ -18,10 +18,10 @@ from footfall.robots.importer.model_xml import model_xml
 from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.shapes import fit_along
 
-POSES = 4000
+POSES = 4000  # number of random poses
 LOW_SHARE = 0.5  # smallest depth of both feet below the base, over the standing height
 MIN_SHARE = 0.01  # smallest share of poses with two low feet in which two capsules collide
-STARTS = 400
+STARTS = 400  # number of random poses near the start of training
 START_RAD = 0.1  # deviation of joints from the default pose at the start of training
 SHANK_SHARE = 0.25  # smallest distance of the shank's joint from the foot, over the leg's length
 
@@ -60,13 +60,14 @@ def with_leg_pairs(machine: Machine, pose: Pose, seed: int = 0) -> LegPairs:
         for link, geom in _capsules_of(leg, machine, model, data)
     ]
     candidates = [(a, b) for a, b in combinations(capsules, 2) if a.leg != b.leg]
-    share = _share_meeting(_with_capsules(machine, capsules), pose, candidates, np.random.default_rng(seed))
+    random = np.random.default_rng(seed)
+    shares = _collision_shares(_with_capsules(machine, capsules), pose, candidates, random)
     names = [(a.geom.name, b.geom.name) for a, b in candidates]
     mirrored = _mirror_images(machine, capsules, data)
-    images = {frozenset(mirrored[name] for name in pair): share[pair] for pair in names}
-    share |= {pair: max(share[pair], images.get(frozenset(pair), 0.0)) for pair in names if share[pair]}
-    often = [pair for pair in sorted(names, key=lambda pair: -share[pair]) if share[pair] >= MIN_SHARE]
-    pairs = tuple(often[: len(capsules)])
+    images = {frozenset(mirrored[name] for name in pair): shares[pair] for pair in names}
+    shares |= {pair: max(shares[pair], images.get(frozenset(pair), 0.0)) for pair in names if shares[pair]}
+    frequent = [pair for pair in sorted(names, key=lambda pair: -shares[pair]) if shares[pair] >= MIN_SHARE]
+    pairs = tuple(frequent[: len(capsules)])
     used = {name for pair in pairs for name in pair}
     return LegPairs(_with_capsules(machine, [c for c in capsules if c.geom.name in used]), pairs)
 
@@ -78,8 +79,8 @@ def _capsules_of(
     spheres = data.geom_xpos[[model.geom(name).id for name in leg.geoms]]
     positions = np.array([*data.xanchor[[model.joint(name).id for name in leg.joints]], spheres.mean(axis=0)])
     length = np.linalg.norm(np.diff(positions, axis=0), axis=1).sum()
-    away = np.linalg.norm(positions[:-1] - positions[-1], axis=1)
-    last = int(np.flatnonzero(away >= min(SHANK_SHARE * length, away.max()))[-1])
+    distance = np.linalg.norm(positions[:-1] - positions[-1], axis=1)
+    last = int(np.flatnonzero(distance >= min(SHANK_SHARE * length, distance.max()))[-1])
     shank = next(
         index
         for index, link in enumerate(machine.links)
@@ -102,8 +103,8 @@ def _mirror_images(machine: Machine, capsules: list[_Capsule], data: mujoco.MjDa
     hips = np.array([data.joint(leg.joints[0]).xanchor for leg in machine.legs])
     base = data.body(machine.links[0].name)
     hips = (hips - base.xpos) @ base.xmat.reshape(3, 3)
-    away = np.linalg.norm(hips[:, None] * (1.0, -1.0, 1.0) - hips, axis=2)
-    nearest = away.argmin(axis=1)
+    distance = np.linalg.norm(hips[:, None] * (1.0, -1.0, 1.0) - hips, axis=2)
+    nearest = distance.argmin(axis=1)
     part = {(c.leg, c.geom.name.rpartition("_")[2]): c.geom.name for c in capsules}
     return {name: part.get((int(nearest[leg]), kind), name) for (leg, kind), name in part.items()}
 
@@ -115,7 +116,7 @@ def _with_capsules(machine: Machine, capsules: list[_Capsule]) -> Machine:
     return replace(machine, links=tuple(links))
 
 
-def _share_meeting(
+def _collision_shares(
     machine: Machine, pose: Pose, candidates: list[tuple[_Capsule, _Capsule]], random: np.random.Generator
 ) -> dict[GeomPair, float]:
     """Share of poses with low feet in which each pair collides; 0 if it collides at the start of training."""
@@ -132,7 +133,7 @@ def _share_meeting(
     feet = [[model.geom(name).id for name in leg.geoms] for leg in machine.legs]
     base = model.body(machine.links[0].name).id
 
-    def touching(joints: np.ndarray) -> set[GeomPair]:
+    def colliding(joints: np.ndarray) -> set[GeomPair]:
         data.qpos[at] = joints
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -143,12 +144,12 @@ def _share_meeting(
     poses: Counter[GeomPair] = Counter()
     contacts: Counter[GeomPair] = Counter()
     for joints in random.uniform(low, high, (POSES, len(at))):
-        found = touching(joints)
+        found = colliding(joints)
         depth = [data.xpos[base][2] - data.geom_xpos[geoms, 2].mean() for geoms in feet]
         are_low = [each >= LOW_SHARE * pose.height_m for each in depth]
-        both_low = [pair for pair, (one, other) in names.items() if are_low[one] and are_low[other]]
+        both_low = [pair for pair, (first, second) in names.items() if are_low[first] and are_low[second]]
         poses.update(both_low)
         contacts.update(found.intersection(both_low))
     offsets = START_RAD * random.uniform(-1.0, 1.0, (STARTS, len(at)))
-    at_start = set().union(*(touching(default + offset) for offset in offsets))
+    at_start = set().union(*(colliding(default + offset) for offset in offsets))
     return {pair: 0.0 if pair in at_start else contacts[pair] / max(poses[pair], 1) for pair in names}

@@ -52,21 +52,21 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
     if not ends:
         raise UserError(f"{source.path} has no joints that move a limb of '{model.body(base).name}'")
     depth = _depths(source, base, ends)
-    called = {end: _called_feet(model, _welded(model, end)) for end in ends}
+    named_as_feet = {end: _named_as_feet(model, _welded(model, end)) for end in ends}
     if named:
-        feet, why = _by_name(source, ends, named), "as requested"
-    elif sum(bool(called[end]) and depth[end] > 0 for end in ends) >= MIN_FEET:
-        feet, why = [end for end in ends if called[end] and depth[end] > 0], "by their names"
+        feet, reason = _by_name(source, ends, named), "as requested"
+    elif sum(bool(named_as_feet[end]) and depth[end] > 0 for end in ends) >= MIN_FEET:
+        feet, reason = [end for end in ends if named_as_feet[end] and depth[end] > 0], "by their names"
     else:
         feet = [end for end in ends if depth[end] >= MIN_DEPTH_SHARE * max(depth.values()) > 0]
         _refuse_hands(source.path, model, feet)
-        why = "as the lowest limbs with all joints at zero"
+        reason = "as the lowest limbs with all joints at zero"
     if len(feet) < MIN_FEET:
         raise UserError(_no_feet(source.path, model, base, feet))
-    legs = tuple(_limb(model, base, end, called[end]) for end in feet)
+    legs = tuple(_limb(model, base, end, named_as_feet[end]) for end in feet)
     for leg in legs:
         _check(leg, source)
-    guesses = [f"feet: {', '.join(model.body(end).name for end in feet)}, taken {why}"]
+    guesses = [f"feet: {', '.join(model.body(end).name for end in feet)}, taken {reason}"]
     return Limbs(base, legs, () if named else tuple(guesses))
 
 
@@ -107,7 +107,7 @@ def _depths(source: Source, base: int, ends: list[int]) -> dict[int, float]:
     return depth
 
 
-def _called_feet(model: mujoco.MjModel, bodies: list[int]) -> frozenset[str]:
+def _named_as_feet(model: mujoco.MjModel, bodies: list[int]) -> frozenset[str]:
     """Bodies that are named as feet, or carry geoms or sites that are."""
     found = {body for body in bodies if FOOT_NAME.search(model.body(body).name)}
     if not found:
@@ -156,14 +156,14 @@ def _names(model: mujoco.MjModel, end: int) -> list[str]:
     return [model.body(body).name for body in _welded(model, end)]
 
 
-def _limb(model: mujoco.MjModel, base: int, end: int, called: frozenset[str]) -> Limb:
+def _limb(model: mujoco.MjModel, base: int, end: int, named_as_feet: frozenset[str]) -> Limb:
     chain: list[str] = []
     body = end
     while body != base:
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         chain[:0] = [model.joint(joint).name for joint in range(first, first + count)]
         body = int(model.body_parentid[body])
-    return Limb(tuple(chain), tuple(_welded(model, end)), called)
+    return Limb(tuple(chain), tuple(_welded(model, end)), named_as_feet)
 
 
 def _check(leg: Limb, source: Source) -> None:

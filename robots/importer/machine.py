@@ -54,7 +54,7 @@ class Link:
     """A rigid body, with all bodies that are fixed to it."""
 
     name: str
-    parent: int  # index of its parent's link; the base, link 0, has -1
+    parent: int  # index of the parent link; the base, link 0, has -1
     position: np.ndarray  # (3,) m, in the parent's frame, all joints at their zeros
     quaternion: np.ndarray  # (4,) w x y z
     mass: float  # kg
@@ -69,7 +69,7 @@ class Leg:
     """A limb that ends in a foot."""
 
     name: str
-    joints: tuple[str, ...]  # of its own, from the base outwards
+    joints: tuple[str, ...]  # that only this leg has, from the base outwards
     link: int  # index of the link that carries the foot
     geoms: tuple[str, ...]  # that the foot stands on
 
@@ -132,11 +132,11 @@ def _without_massless(links: list[Link], path: Path) -> tuple[Link, ...]:
     Several joints of a link turn it one after the other, the first outermost, so nothing else changes.
     """
     while (index := next((i for i, link in enumerate(links) if link.mass < MIN_MASS_KG), None)) is not None:
-        light = links[index]
-        carried = [i for i, link in enumerate(links) if link.parent == index]
-        if len(carried) != 1 or light.parent < 0 or light.geoms:
-            raise UserError(f"{path}: link {light.name} moves and has no mass: give it an inertia")
-        links[carried[0]] = _joined(light, links[carried[0]])
+        massless = links[index]
+        children = [i for i, link in enumerate(links) if link.parent == index]
+        if len(children) != 1 or massless.parent < 0 or massless.geoms:
+            raise UserError(f"{path}: link {massless.name} moves and has no mass: give it an inertia")
+        links[children[0]] = _joined(massless, links[children[0]])
         links = [
             replace(link, parent=link.parent - (link.parent > index))
             for i, link in enumerate(links)
@@ -145,19 +145,19 @@ def _without_massless(links: list[Link], path: Path) -> tuple[Link, ...]:
     return tuple(links)
 
 
-def _joined(light: Link, link: Link) -> Link:
+def _joined(massless: Link, link: Link) -> Link:
     """A link with the joints and the parent of the massless link that carries it."""
-    outer, inner = rotation_of(light.quaternion), rotation_of(link.quaternion)
-    taken = tuple(
+    outer, inner = rotation_of(massless.quaternion), rotation_of(link.quaternion)
+    moved = tuple(
         replace(hinge, axis=inner.T @ hinge.axis, anchor=inner.T @ (hinge.anchor - link.position))
-        for hinge in light.hinges
+        for hinge in massless.hinges
     )
     return replace(
         link,
-        parent=light.parent,
-        position=light.position + outer @ link.position,
+        parent=massless.parent,
+        position=massless.position + outer @ link.position,
         quaternion=quaternion_of(outer @ inner),
-        hinges=(*taken, *link.hinges),
+        hinges=(*moved, *link.hinges),
     )
 
 
@@ -190,8 +190,8 @@ def geom_shape(source: Source, geom: int) -> Shape | None:
     kind = Kind(model.geom_type[geom])
     if kind not in PRIMITIVES:
         return None
-    size, position, turn = model.geom_size[geom], model.geom_pos[geom], model.geom_quat[geom]
-    return Shape(kind, size.copy(), position.copy(), turn.copy())
+    size, position, quaternion = model.geom_size[geom], model.geom_pos[geom], model.geom_quat[geom]
+    return Shape(kind, size.copy(), position.copy(), quaternion.copy())
 
 
 def _link(
@@ -210,8 +210,9 @@ def _link(
     inertia = sum((_inertia_about(model, data, body, centre) for body in members), np.zeros((3, 3)))
     position, quaternion = np.zeros(3), np.array([1.0, 0, 0, 0])
     if parent_body is not None:
-        above = data.xmat[parent_body].reshape(3, 3)
-        position, quaternion = above.T @ (origin - data.xpos[parent_body]), quaternion_of(above.T @ rotation)
+        parent_axes = data.xmat[parent_body].reshape(3, 3)
+        position = parent_axes.T @ (origin - data.xpos[parent_body])
+        quaternion = quaternion_of(parent_axes.T @ rotation)
     return Link(
         name=model.body(top).name,
         parent=parent,
@@ -227,8 +228,8 @@ def _link(
 
 def _inertia_about(model: mujoco.MjModel, data: mujoco.MjData, body: int, point: np.ndarray) -> np.ndarray:
     """A body's inertia about a point, world axes, (3, 3)."""
-    axes, away = data.ximat[body].reshape(3, 3), data.xipos[body] - point
-    parallel = model.body_mass[body] * (away @ away * np.eye(3) - np.outer(away, away))
+    axes, offset = data.ximat[body].reshape(3, 3), data.xipos[body] - point
+    parallel = model.body_mass[body] * (offset @ offset * np.eye(3) - np.outer(offset, offset))
     return axes @ np.diag(model.body_inertia[body]) @ axes.T + parallel
 
 
@@ -257,21 +258,21 @@ def _geoms(
         if shape is None:
             continue
         body = int(model.geom_bodyid[geom])
-        turn = rotation.T @ data.xmat[body].reshape(3, 3)
+        rotation_in_link = rotation.T @ data.xmat[body].reshape(3, 3)
         link_position = rotation.T @ (data.xpos[body] - origin)
         points = source.meshes.get(model.geom(geom).name)
         found.append(
             Geom(
                 name=model.geom(geom).name,
                 shape=shape._replace(
-                    position=turn @ shape.position + link_position,
-                    quaternion=quaternion_of(turn @ rotation_of(shape.quaternion)),
+                    position=rotation_in_link @ shape.position + link_position,
+                    quaternion=quaternion_of(rotation_in_link @ rotation_of(shape.quaternion)),
                 ),
                 friction=float(model.geom_friction[geom, 0]),
                 contype=int(model.geom_contype[geom]) if source.self_collisions else 1,
                 conaffinity=int(model.geom_conaffinity[geom]) if source.self_collisions else 1,
                 of_body=model.body(body).name,
-                points=None if points is None else points @ turn.T + link_position,
+                points=None if points is None else points @ rotation_in_link.T + link_position,
             )
         )
     return found

@@ -23,7 +23,7 @@ def read_points(path: Path, scale: np.ndarray) -> np.ndarray:
     """Vertices of a mesh file, (k, 3) m, each axis scaled.
 
     Raises:
-        UserError: the file is missing or is no readable mesh.
+        UserError: the file is missing or is not a readable mesh.
     """
     if not path.is_file():
         raise UserError(f"no mesh file at {path}")
@@ -67,8 +67,8 @@ def _by_mujoco(path: Path) -> np.ndarray:
 def mesh_points(model: mujoco.MjModel, mesh: int) -> np.ndarray:
     """Vertices of a compiled mesh as in its file, (k, 3) m: undoes MuJoCo's centring and rotation."""
     start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-    turned = model.mesh_vert[start : start + count] @ rotation_of(model.mesh_quat[mesh]).T
-    return turned + model.mesh_pos[mesh]
+    points = model.mesh_vert[start : start + count] @ rotation_of(model.mesh_quat[mesh]).T
+    return points + model.mesh_pos[mesh]
 
 
 def _collada(path: Path) -> np.ndarray:
@@ -106,24 +106,24 @@ def _positions(geometry: ET.Element) -> np.ndarray:
 
 
 def _collect(
-    node: ET.Element, above: np.ndarray, geometries: dict[str, np.ndarray], found: list[np.ndarray]
+    node: ET.Element, parent_transform: np.ndarray, geometries: dict[str, np.ndarray], found: list[np.ndarray]
 ) -> None:
-    transform = above
+    transform = parent_transform
     for child in node:
         if child.tag not in TRANSFORMS:
             continue
-        numbers, step = np.array((child.text or "").split(), dtype=float), np.eye(4)
+        numbers, local = np.array((child.text or "").split(), dtype=float), np.eye(4)
         if child.tag == "matrix":
-            step = numbers.reshape(4, 4)
+            local = numbers.reshape(4, 4)
         elif child.tag == "translate":
-            step[:3, 3] = numbers
+            local[:3, 3] = numbers
         elif child.tag == "scale":
-            step[:3, :3] = np.diag(numbers)
+            local[:3, :3] = np.diag(numbers)
         else:
             quaternion = np.empty(4)
             mujoco.mju_axisAngle2Quat(quaternion, numbers[:3], np.deg2rad(numbers[3]))
-            step[:3, :3] = rotation_of(quaternion)
-        transform = transform @ step
+            local[:3, :3] = rotation_of(quaternion)
+        transform = transform @ local
     for instance in node.findall("instance_geometry"):
         points = geometries.get(instance.get("url") or "", np.zeros((0, 3)))
         found.append(points @ transform[:3, :3].T + transform[:3, 3])

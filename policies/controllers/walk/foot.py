@@ -40,7 +40,8 @@ class Footing(NamedTuple):
     """Positions of the tips at mid-stance, and the motion of the body over them.
 
     A round foot rolls: its lowest point stands still, not its centre, the tip. The tip moves with the body,
-    so the body's velocity over the tip is smaller than over the ground. `rolling` maps the body's velocity over the ground to its velocity over the tip.
+    so the body's velocity over the tip is smaller than over the ground. `rolling` maps the body's velocity
+    over the ground to its velocity over the tip.
     """
 
     positions: np.ndarray  # (feet, 3) m, positions at mid-stance, z = 0 on the ground
@@ -105,7 +106,7 @@ class Foot:
         return along / max(math.hypot(velocity_x, velocity_y), 1e-9)
 
     def land(self, ground_m: float) -> None:
-        """End the swing on ground at `ground_m`, clamped between the planned height and the top of the swing."""
+        """End the swing on ground at `ground_m`, clamped between the planned height and the swing's top."""
         self.z = min(max(ground_m, 0.0), max(self._height, self.z))
         self.swings, self.progress = False, 0.0
 
