@@ -15,23 +15,23 @@ KIND_FIELDS = ("model name", "flags", "CPU implementer", "CPU part", "Features")
 def compilation_cache() -> Path:
     """Folder of JAX's compilation cache: from the environment, or else in the user's cache folder.
 
-    There each kind of CPU has a folder of its own: machines may share a home, and JAX would load what was
-    compiled for another CPU.
+    There each kind of CPU has a folder of its own: machines may share a home, and JAX would load
+    programs that were compiled for another CPU.
 
     Raises:
         UserError: the user has no such folder.
     """
-    named = os.environ.get("JAX_COMPILATION_CACHE_DIR")
-    if named is not None:
-        return Path(named)
+    configured = os.environ.get("JAX_COMPILATION_CACHE_DIR")
+    if configured is not None:
+        return Path(configured)
     return cache_home() / "footfall" / "jax" / processor_kind()
 
 
 def processor_kind() -> str:
     """A name for this machine's kind of CPU: instruction set, and a digest of model and features."""
     try:
-        first, _, _ = CPU_INFO.read_text(encoding="utf-8", errors="replace").partition("\n\n")
+        first_cpu, _, _ = CPU_INFO.read_text(encoding="utf-8", errors="replace").partition("\n\n")
     except OSError:  # not Linux
-        first = f"model name: {platform.processor()}"
-    facts = sorted(line for line in first.splitlines() if line.partition(":")[0].strip() in KIND_FIELDS)
+        first_cpu = f"model name: {platform.processor()}"
+    facts = sorted(line for line in first_cpu.splitlines() if line.partition(":")[0].strip() in KIND_FIELDS)
     return f"{platform.machine()}-{hashlib.sha256(chr(10).join(facts).encode()).hexdigest()[:8]}"

@@ -97,13 +97,13 @@ def _reason(error: BaseException, expected: type | None) -> str:
     return " ".join(format_exception(error, expected).split())
 
 
-def _together(reasons: list[str]) -> str:
+def _in_one_line(reasons: list[str]) -> str:
     """All reasons in one line; fields that are refused for the same reason share it."""
-    where: dict[str, list[str]] = {}
+    fields_of: dict[str, list[str]] = {}
     for reason in map(_field_first, reasons):
         field, colon, why = reason.partition(": ")
-        where.setdefault(why if colon else reason, []).extend([field] if colon else [])
-    return "; ".join(f"{_several(names)}: {why}" if names else why for why, names in where.items())
+        fields_of.setdefault(why if colon else reason, []).extend([field] if colon else [])
+    return "; ".join(f"{_several(names)}: {why}" if names else why for why, names in fields_of.items())
 
 
 def _several(names: list[str]) -> str:
@@ -173,7 +173,7 @@ def structure(data: Any, cls: type[T], source: str) -> T:
         return _converter.structure(data, cls)
     except BaseValidationError as error:
         reasons = transform_error(error, path="", format_exception=_reason)
-        raise UserError(f"{source}: {_together(reasons)}") from None
+        raise UserError(f"{source}: {_in_one_line(reasons)}") from None
     except (TypeError, ValueError, KeyError, AttributeError) as error:
         raise UserError(f"{source}: {' '.join(str(error).split())}") from None
 
@@ -194,7 +194,7 @@ def structure_value(data: Any, kind: Any, where: str) -> Any:
 
 
 def takes_other_keys(rest: str) -> Callable[[type[T]], type[T]]:
-    """Class decorator: YAML keys that are no field of the dataclass are collected in its field `rest`."""
+    """Class decorator: YAML keys that are not fields of the dataclass are collected in its field `rest`."""
 
     def register(cls: type[T]) -> type[T]:
         names = {each.name for each in fields(cls)} - {rest}  # type: ignore[arg-type]
@@ -225,10 +225,10 @@ def unstructure(config: Any) -> Any:
 
 
 def read_yaml(path: Path) -> Any:
-    """Plain data of a YAML file, under today's keys.
+    """Plain data of a YAML file, under current keys.
 
     Raises:
-        UserError: the file cannot be read, is too large for settings, or is no YAML.
+        UserError: the file cannot be read, is too large for settings, or is not YAML.
     """
     if is_named_pipe(path):
         raise UserError(f"{path} is a named pipe, which may block for ever: give a file")

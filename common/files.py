@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 SPARE_DESCRIPTORS = 4
-SHOWN_NAME = 32  # characters of a file's name in its temporary file's: a name has 255 bytes at most
+SHOWN_NAME = 32  # characters of a file's name in that of its temporary file: a name has 255 bytes at most
 
 
 def write_atomically(path: Path, content: bytes, mode: int | None = None) -> None:

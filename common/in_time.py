@@ -4,11 +4,11 @@ import threading
 from collections.abc import Callable
 
 TIME_LIMIT_S = 2.0
-COMPILING = "compile"  # begins the names of threads that compile
+COMPILING = "compile"  # prefix of the names of threads that compile
 _NAME = "call that may block"
 
 
-def in_time(act: Callable[[], None], timeout_s: float = TIME_LIMIT_S) -> BaseException | None:
+def call_in_time(act: Callable[[], None], timeout_s: float = TIME_LIMIT_S) -> BaseException | None:
     """Call `act` in a thread of its own, and wait at most `timeout_s` for its end.
 
     A stopped terminal (Ctrl-S), a hanging connection or a pipe without a reader would otherwise block the

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from packaging.markers import Marker
     from packaging.requirements import Requirement
 
-NAME = "footfall"
+DISTRIBUTION = "footfall"
 
 
 def install_command(*arguments: str) -> str:
-    """An install command for this environment's pip; `pip` alone if that is the same pip in a shell."""
+    """An install command for this environment's pip; `pip` alone if a shell finds the same pip."""
     found = shutil.which("pip")
     same_pip = found is not None and Path(found).parent == Path(sys.executable).parent
     pip = ["pip"] if same_pip else [sys.executable, "-m", "pip"]
@@ -55,26 +55,26 @@ def needs_extra(extra: str, task: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         library = (error.name or "").split(".")[0]
-        if library == NAME:
+        if library == DISTRIBUTION:
             raise
         raise UserError(f"{task} {library}, which is not installed: {extras_command(extra)}") from None
 
 
 def extras() -> list[str]:
     """Names of footfall's extras."""
-    return distribution(NAME).metadata.get_all("Provides-Extra") or []
+    return distribution(DISTRIBUTION).metadata.get_all("Provides-Extra") or []
 
 
 def requirements(extra: str = "") -> "Iterator[Requirement]":
     """Requirements of an extra, included extras resolved; without a name, footfall's own."""
-    from packaging.requirements import Requirement  # seldom needed, and a start would wait for it
+    from packaging.requirements import Requirement  # seldom needed, and the import would delay each start
 
-    for text in distribution(NAME).requires or []:
+    for text in distribution(DISTRIBUTION).requires or []:
         requirement = Requirement(text)
         if not _belongs_to(extra, requirement.marker):
             continue
         requirement.marker = None
-        if requirement.name == NAME:
+        if requirement.name == DISTRIBUTION:
             for included in sorted(requirement.extras):  # a set's order differs between processes
                 yield from requirements(included)
         else:
@@ -101,7 +101,7 @@ def _installed(requirement: "Requirement") -> bool:
 
 def _recorded_origin() -> dict:
     """Where footfall was installed from, as installers record it (PEP 610); empty for an index."""
-    return json.loads(distribution(NAME).read_text("direct_url.json") or "{}")
+    return json.loads(distribution(DISTRIBUTION).read_text("direct_url.json") or "{}")
 
 
 def _local_path(url: str) -> Path | None:

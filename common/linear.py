@@ -15,15 +15,15 @@ except (ImportError, AttributeError):  # another NumPy version
     _solve = np.linalg.solve
 
 
-def solve_regular(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """As `solve`, for matrices that are not singular: without a check, a solution takes half the time."""
-    return _solve(matrices, right)
+def solve_regular(matrices: np.ndarray, right_side: np.ndarray) -> np.ndarray:
+    """As `solve`, for matrices that are not singular: without the check, a solution takes half the time."""
+    return _solve(matrices, right_side)
 
 
 @np.errstate(invalid="ignore")
-def solve(matrices: np.ndarray, right: np.ndarray) -> np.ndarray:
+def solve(matrices: np.ndarray, right_side: np.ndarray) -> np.ndarray:
     """The x (..., m, k) of matrices (..., m, m) x = right (..., m, k), all of them floats.
 
     If a matrix is singular, its x is NaN.
     """
-    return _solve(matrices, right)
+    return _solve(matrices, right_side)

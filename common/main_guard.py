@@ -13,7 +13,7 @@ def check_main_guard() -> None:
     Without it, each process that Python spawns would run the script again, and fail in forty lines.
 
     Raises:
-        UserError: the check is missing in the script.
+        UserError: this guard is missing in the script.
     """
     main = sys.modules.get("__main__")
     frame = sys._getframe()

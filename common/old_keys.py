@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-# Old key to today's key, after its parent's key and a dot where the key alone could belong to something else.
+# Old key to current key, after its parent's key and a dot where the key alone could belong to something else.
 # A key of a file's top level begins with the dot.
 CURRENT_KEYS = {
     "inertia_doubt": "inertia_uncertainty",
@@ -41,12 +41,12 @@ CURRENT_KEYS = {
 
 
 def current_key(key: Sequence[str]) -> tuple[str, ...]:
-    """A key after those of its parents, of which the outermost may be missing, under today's names."""
+    """A key after those of its parents, of which the outermost may be missing, under current names."""
     return tuple(map(_current, key, (None, *key)))
 
 
 def with_current_keys(data: Any, parent: str = "") -> Any:
-    """Plain data under today's keys. An old key beside its new one stays, and is refused later as unknown."""
+    """Plain data under current keys. An old key beside its new one stays, and is refused later as unknown."""
     if isinstance(data, list):
         return [with_current_keys(item, parent) for item in data]
     if not isinstance(data, dict):

@@ -22,23 +22,23 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path | str | None] = ())
 
     Args:
         paths: the outputs; None for one that is not requested.
-        inputs: files that the command reads. Texts that are no file, such as a policy's name, do not matter.
+        inputs: files that the command reads. Texts that are not files, such as a policy's name, are skipped.
 
     Raises:
         UserError: a file cannot be written, two outputs are the same, or an output would overwrite an input.
     """
-    given = [path for path in paths if path is not None]
-    read = {_target(Path(each)) for each in inputs if each is not None and os.path.isfile(each)}
-    for path in given:
-        if _target(path) in read:
+    outputs = [path for path in paths if path is not None]
+    input_files = {_target(Path(each)) for each in inputs if each is not None and os.path.isfile(each)}
+    for path in outputs:
+        if _target(path) in input_files:
             raise UserError(f"cannot write {path}: it is read by this command; give another name")
-        if reason := _why_not(path):
+        if reason := _obstacle(path):
             raise UserError(f"cannot write {path}: {reason}")
-    if len({_target(path) for path in given}) < len(given):
-        raise UserError(f"cannot write two outputs to {given[0]}: give each its own name")
+    if len({_target(path) for path in outputs}) < len(outputs):
+        raise UserError(f"cannot write two outputs to {outputs[0]}: give each its own name")
 
 
-def _why_not(path: Path) -> str:
+def _obstacle(path: Path) -> str:
     """Why a file cannot be written; empty if it can."""
     if is_named_pipe(path):
         return "it is a named pipe, which may block for ever; give a file name"

@@ -14,10 +14,8 @@ from typing import Any
 from footfall.common.errors import UserError
 
 _IMPORT_PATH = re.compile(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*")
-_LIBRARY_FOLDERS = {
-    "site-packages",
-    "dist-packages",
-}  # folders of installed modules, which are not the user's own
+# Folders of installed modules, which are not the user's own.
+_LIBRARY_FOLDERS = {"site-packages", "dist-packages"}
 
 
 def is_import_path(spec: str) -> bool:
@@ -71,8 +69,9 @@ def sources(import_paths: list[str]) -> list[tuple[str, bytes]]:
         path = Path(file) if file and file.endswith(".py") else None
         if path is None or name.partition(".")[0] == "footfall":
             continue
-        beside = not _LIBRARY_FOLDERS.intersection(path.parts) and any(root in path.parents for root in roots)
-        if beside or module in modules:
+        installed = bool(_LIBRARY_FOLDERS.intersection(path.parts))
+        is_beside = not installed and any(root in path.parents for root in roots)
+        if is_beside or module in modules:
             found[name] = path.read_bytes()
     return sorted(found.items())
 

@@ -67,10 +67,10 @@ def parameters(term: Callable[..., Any]) -> dict[str, Parameter]:
     constructor: Any = vars(term).get("__init__", term) if isinstance(term, type) else term
     hints = get_type_hints(constructor, include_extras=True)
     kinds = (Argument.KEYWORD_ONLY, Argument.POSITIONAL_OR_KEYWORD)
-    taken = kinds if isinstance(term, type) else kinds[:1]
+    accepted = kinds if isinstance(term, type) else kinds[:1]
     found = {}
     for name, argument in signature(term).parameters.items():
-        if argument.kind in taken:
+        if argument.kind in accepted:
             hint = hints.get(name, type(argument.default))
             limits = next((x for x in get_args(hint)[1:] if isinstance(x, Between)), None)
             base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
@@ -108,8 +108,8 @@ def bind(term: Any, settings: Mapping[str, Any], where: str) -> Any:
     declared = parameters(term)
     unknown = [name for name in settings if name not in declared]
     if unknown:
-        there = f"there are {', '.join(declared)}" if declared else "there are none"
-        raise UserError(f"{where}.{unknown[0]}: no such parameter ({there})")
+        available = f"there are {', '.join(declared)}" if declared else "there are none"
+        raise UserError(f"{where}.{unknown[0]}: no such parameter ({available})")
     missing = [name for name, each in declared.items() if each.required and name not in settings]
     if missing:
         raise UserError(f"{where}.{missing[0]}: must be given")

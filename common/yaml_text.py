@@ -13,8 +13,8 @@ def parse_yaml(text: str) -> Any:
     """Plain data of a YAML text. Keys of mappings are text or whole numbers, each once.
 
     Raises:
-        ValueError: it is no YAML, a key is neither text nor a whole number, or is repeated, or aliases repeat
-            too much; the message is one line.
+        ValueError: the text is not YAML, a key is neither text nor a whole number, or is repeated, or aliases
+            repeat too much; the message is one line.
     """
     if _FastLoader is not None:
         try:

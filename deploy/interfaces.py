@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from footfall.common.errors import UserError
-from footfall.common.held import held
+from footfall.common.locks import locked
 from footfall.deploy.bus import HOST_QUEUE, Bus
 from footfall.deploy.drivers.driver import CanFilter
 from footfall.deploy.frames import takes_fd
@@ -56,7 +56,7 @@ def robots_interfaces(kind: str, names: tuple[str, ...], filters: tuple[CanFilte
     """
     with ExitStack() as resources:
         for name, key in _lock_keys(kind, names).items():
-            resources.enter_context(held(f"bus/{key}", f"bus {name} ({kind})"))
+            resources.enter_context(locked(f"bus/{key}", f"bus {name} ({kind})"))
         bus = open_interfaces(kind, names, filters)
         resources.callback(bus.close)
         yield bus

@@ -20,7 +20,7 @@ import numpy as np
 
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
-from footfall.common.held import held
+from footfall.common.locks import locked
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.changes import Change
 from footfall.deploy.estimation.odometry import Odometry
@@ -120,7 +120,7 @@ class McapLog:
         """Descriptor of a log's file, locked against other runs."""
         file = opened.enter_context(os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT, 0o666), "wb"))
         if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            self._held.enter_context(held(lock_name(path), f"the log {path}"))
+            self._held.enter_context(locked(lock_name(path), f"the log {path}"))
             file.truncate()
         return file.fileno()
 

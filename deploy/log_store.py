@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from footfall.common.errors import UserError
-from footfall.common.held import held
+from footfall.common.locks import locked
 from footfall.common.user_folders import state_home
 
 PARTS = 8  # one part of a log may use this fraction of the space
@@ -57,7 +57,7 @@ class LogStore(NamedTuple):
             if taken <= self.max_bytes - self.part_bytes:
                 return
             with suppress(UserError, OSError):  # a run writes it, or it was deleted
-                with held(lock_name(path), f"the log {path}"):
+                with locked(lock_name(path), f"the log {path}"):
                     path.unlink()
                 taken -= size
 

@@ -22,8 +22,8 @@ def body_map(model: mujoco.MjModel, robot: Robot) -> BodyMap:
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)[0]
     feet = np.concatenate(find_feet(model, robot.description, robot.xml_path))
     collides = (model.geom_contype | model.geom_conaffinity) != 0
-    shaped = np.isin(model.geom_type, GROUND_SHAPES)
-    ground = np.flatnonzero((model.geom_bodyid == WORLD) & collides & shaped)
+    has_ground_shape = np.isin(model.geom_type, GROUND_SHAPES)
+    ground = np.flatnonzero((model.geom_bodyid == WORLD) & collides & has_ground_shape)
     geoms = np.union1d(feet, ground)
     if not len(feet):  # a plant with unknown feet: all geoms that can touch the ground
         geoms = np.flatnonzero(collides)

@@ -22,9 +22,9 @@ SCALE, OFFSET = 1.0, 0.0  # nominal values of factors and of summands
 class BodyMap:
     """Indices in a model of the parts that a sample changes."""
 
-    base: int  # body
+    base: int  # body that carries the free joint
     contact_geoms: tuple[int, ...]  # geoms whose friction determines foot-ground contact
-    dofs: tuple[int, ...]  # the joints', in joint order
+    dofs: tuple[int, ...]  # degrees of freedom of the joints, in joint order
 
 
 class Effect(NamedTuple):
@@ -48,8 +48,8 @@ class Quantity(NamedTuple):
     force_sensor: Effect | None = None  # on the fields of domain_rand.foot_force.ForceSensors
     accelerometer: Effect | None = None  # on the fields of domain_rand.accelerometer.Accelerometer
     actions: Effect | None = None  # on the fields of domain_rand.transport.Transport, for commands
-    readings: Effect | None = None  # likewise, for readings
-    bias_of: str | None = None  # reading that it is added to
+    readings: Effect | None = None  # on the fields of domain_rand.transport.Transport, for readings
+    bias_of: str | None = None  # reading to which the drawn value is added
     charge: bool = False  # whether it is the battery's initial charge, 0 to 1
 
 
@@ -121,8 +121,8 @@ def scales_joints(*names: str) -> Effect:
         selection, rest = np.zeros((nominal.shape[0], len(where.dofs))), np.ones(nominal.shape[0])
         selection[list(where.dofs), np.arange(len(where.dofs))] = 1.0
         rest[list(where.dofs)] = 0.0
-        spread = xp.asarray(selection, dtype=nominal.dtype) @ drawn
-        return nominal * (spread + xp.asarray(rest, dtype=nominal.dtype))
+        joint_scale = xp.asarray(selection, dtype=nominal.dtype) @ drawn
+        return nominal * (joint_scale + xp.asarray(rest, dtype=nominal.dtype))
 
     return Effect(names, change)
 

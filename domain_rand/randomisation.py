@@ -73,7 +73,7 @@ class Randomisation:
     kd: Distribution | None = quantity(
         kinds.JOINT_AMOUNTS, SCALE, lower=0.0, upper=10.0, command=scales("kd")
     )
-    battery: Distribution | None = quantity(  # its voltage, for all joints
+    battery: Distribution | None = quantity(  # supply voltage of all joints' motors over the nominal one
         kinds.SCALAR,
         SCALE,
         lower=0.0,

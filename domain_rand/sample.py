@@ -100,6 +100,6 @@ def changed(values: T, sample: Sample, effect_on: str) -> T:
     for name, quantity in QUANTITIES.items():
         effect = getattr(quantity, effect_on)
         if effect is not None and name in sample:
-            changed = {field: effect.change(getattr(values, field), sample[name]) for field in effect.fields}
-            values = values._replace(**changed)
+            new = {field: effect.change(getattr(values, field), sample[name]) for field in effect.fields}
+            values = values._replace(**new)
     return values

@@ -51,7 +51,7 @@ class Inspection(NamedTuple):
             if foot.gap_m > LIFTED_M:
                 yield f"foot {foot.name} is {1e3 * foot.gap_m:.0f} mm above the ground in the default pose"
         for link in self.on_the_ground:
-            yield f"link {link} touches the ground in the default pose, and is no foot"
+            yield f"link {link} touches the ground in the default pose, but is not a foot"
         for one, other in self.touching:
             yield f"links {one} and {other} collide in the default pose"
         if stands_still and self.margin_m <= 0.0:
@@ -133,12 +133,13 @@ def _reach(
     data = _standing(model, robot)
     addresses = joint_addresses(model, robot)[0]
     first = [model.joint(foot.joints[0]).id for foot in robot.description.feet]
-    away = np.empty((POSES, len(feet)))
+    distance = np.empty((POSES, len(feet)))
     for pose in range(POSES):
         data.qpos[addresses] = random.uniform(robot.lower_rad, robot.upper_rad)
         mujoco.mj_kinematics(model, data)
-        away[pose] = [
+        distance[pose] = [
             np.linalg.norm(data.geom_xpos[geoms].mean(axis=0) - data.xanchor[joint])
             for geoms, joint in zip(feet, first, strict=True)
         ]
-    return [(float(near), float(far)) for near, far in zip(away.min(axis=0), away.max(axis=0), strict=True)]
+    nearest, farthest = distance.min(axis=0).tolist(), distance.max(axis=0).tolist()
+    return list(zip(nearest, farthest, strict=True))

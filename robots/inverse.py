@@ -59,13 +59,13 @@ class InverseKinematics:
 def least_squares(description: Description, order: LimbOrder, forward: ForwardKinematics) -> LeastSquares:
     """Solves for the angles of any limbs, from the default pose."""
     soles = np.array([_is_sole(forward.model, foot.geoms) for foot in description.feet])
-    enough = order.present.sum(axis=1) >= _HINGES_FOR_LEVEL_SOLE
-    twin, others = forward.twin(), description.default_pose  # a twin: the cached last pose stays valid
+    can_be_level = order.present.sum(axis=1) >= _HINGES_FOR_LEVEL_SOLE
+    twin, default = forward.twin(), description.default_pose  # a twin: the cached last pose stays valid
 
     def chains(angles: np.ndarray) -> Chains:
-        return Chains(*twin.pose(order.scatter(angles, others)), twin.tip_rotation())
+        return Chains(*twin.pose(order.scatter(angles, default)), twin.tip_rotation())
 
-    return LeastSquares(chains, *forward.limits, order.gather(others), soles & enough)
+    return LeastSquares(chains, *forward.limits, order.gather(default), soles & can_be_level)
 
 
 def _is_sole(model: mujoco.MjModel, geoms: Sequence[str]) -> bool:

@@ -20,7 +20,7 @@ from footfall.robots.limb_order import LimbOrder
 from footfall.robots.robot_yaml import Description
 from footfall.robots.stance import base_corners, lowest_points
 
-_REGULAR = 1e-6 * np.eye(3)  # m^2/rad^2
+_REGULARISATION = 1e-6 * np.eye(3)  # m^2/rad^2
 
 
 class Legs:
@@ -51,12 +51,12 @@ class Legs:
             for geoms, tip in zip(foot_geoms(model, description), self._forward.tips, strict=True)
         ]
         self._last_rolling = np.empty(0), b"", np.empty(0)
-        self._last = default.tobytes(), self._forward.pose(default)
+        self._last_pose = default.tobytes(), self._forward.pose(default)
         self.default_angles = self.gather(default)
         self.default_foot = self.pose(default).foot
         self.foot_radius = self.default_foot[:, 2] - lowest_points(description, model)
         self.base_corners = base_corners(description, model)
-        self.base_below = -float(self.base_corners[:, 2].min())  # m, below the base's origin, when level
+        self.base_below = -float(self.base_corners[:, 2].min())  # m, depth of a level base below its origin
         # Repeated to the size of a limb's Jacobian: broadcasting would take longer.
         self._radii = np.repeat(self.foot_radius, 3 * self.hinges).reshape(self.count, 3, self.hinges)
         self.inverse = InverseKinematics(description, self.limbs, self.default_foot, order, self._forward)
@@ -70,9 +70,9 @@ class Legs:
             joint_position: (n,) rad, in the robot's joint order.
         """
         key = joint_position.tobytes()
-        if key != self._last[0]:
-            self._last = key, self._forward.pose(joint_position)
-        return self._last[1]
+        if key != self._last_pose[0]:
+            self._last_pose = key, self._forward.pose(joint_position)
+        return self._last_pose[1]
 
     def tip_rotation(self, joint_position: np.ndarray) -> np.ndarray:
         """Rotation of each limb's last link, to the base frame, (legs, 3, 3)."""
@@ -93,8 +93,8 @@ class Legs:
         """Joint angles for given tip positions; the inverse of `pose`.
 
         Every result is finite and within the joint limits. For a position out of reach, the limb points at
-        it, stretched or folded as far as the limits allow. For NaN the angles are NaN. Of several solutions
-        it is the one on the default pose's side.
+        it, stretched or folded as far as the limits allow. For NaN the angles are NaN. Of several solutions,
+        the result is the one on the default pose's side.
 
         Args:
             foot: (k, 3) m, base frame.
@@ -136,8 +136,8 @@ class Legs:
     def joint_rates(self, jacobian: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """Joint rates (legs, m, k) for k motions of the tips, (legs, 3, k), or the nearest possible ones.
 
-        If all limbs have three hinges they are exact; otherwise the smallest ones, damped near singular
-        poses.
+        If all limbs have three hinges, the rates are exact. Otherwise they are the smallest ones, damped near
+        singular poses.
 
         Args:
             jacobian: (legs, 3, m).
@@ -145,8 +145,8 @@ class Legs:
         """
         if self.hinges == 3 and self._order.uniform:
             return solve(jacobian, motion)
-        across = jacobian.transpose(0, 2, 1)
-        return across @ solve(jacobian @ across + _REGULAR, motion)
+        transposed = jacobian.transpose(0, 2, 1)
+        return transposed @ solve(jacobian @ transposed + _REGULARISATION, motion)
 
     def gather(self, joint_values: np.ndarray) -> np.ndarray:
         """Joint order (..., n) to limbs (..., legs, m)."""

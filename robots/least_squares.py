@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-_ITERATIONS = 40
-_CLOSE_M = 1e-10
+_ITERATIONS = 40  # largest number of iterations
+_CLOSE_M = 1e-10  # largest error of a solution
 _WORTHWHILE = 1.0 - 1e-4  # an iteration must reduce the squared error to this share
 _DAMPING = 1e-9  # m^2, damping that remains at the solution
 _LEVEL_WEIGHT_M = 0.1  # metres; weight of one radian of orientation error
@@ -24,7 +24,7 @@ class Chains(NamedTuple):
     tip: np.ndarray  # (limbs, 3) m
     jacobian: np.ndarray  # (limbs, 3, m) m/rad
     axes: np.ndarray  # (limbs, 3, m) directions of the hinges
-    turn: np.ndarray  # (limbs, 3, 3) rotation of the last link
+    rotation: np.ndarray  # (limbs, 3, 3) rotation of the last link
 
 
 class LeastSquares:
@@ -48,7 +48,7 @@ class LeastSquares:
     ) -> None:
         self._forward, self._lower, self._upper, self._default = forward, lower, upper, default
         start = forward(default)
-        self._tip, self._turn = start.tip.copy(), start.turn.copy()
+        self._tip, self._rotation = start.tip.copy(), start.rotation.copy()
         self._weight = _LEVEL_WEIGHT_M * level[:, None]
 
     def solve(self, tips: np.ndarray, limbs: list[int]) -> np.ndarray:
@@ -58,14 +58,14 @@ class LeastSquares:
         position takes precedence over the orientation.
         """
         target = self._tip.copy()
-        given = np.isfinite(tips).all(axis=1)
-        target[limbs] = np.where(given[:, None], tips, target[limbs])
-        angles, missing = self._descend(target, self._default, self._weight)
-        if self._weight.any() and missing.max() > _CLOSE_M:
+        finite = np.isfinite(tips).all(axis=1)
+        target[limbs] = np.where(finite[:, None], tips, target[limbs])
+        angles, remaining_m = self._descend(target, self._default, self._weight)
+        if self._weight.any() and remaining_m.max() > _CLOSE_M:
             nearest, _ = self._descend(target, angles, 0.0 * self._weight)
-            angles = np.where((missing > _CLOSE_M)[:, None], nearest, angles)
+            angles = np.where((remaining_m > _CLOSE_M)[:, None], nearest, angles)
         result = angles[limbs]
-        result[~given] = np.nan
+        result[~finite] = np.nan
         return result
 
     def _descend(
@@ -81,7 +81,7 @@ class LeastSquares:
             best, smallest = np.where(better[:, None], angles, best), np.where(better, square, smallest)
             if not better.any() or smallest.max() < _CLOSE_M**2:
                 break
-            angles = self._stepped(angles, error, jacobian, square)
+            angles = self._next_angles(angles, error, jacobian, square)
         return best, np.sqrt(smallest)
 
     def _error(
@@ -89,28 +89,28 @@ class LeastSquares:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Error, (limbs, 3 or 6) m, and its Jacobian: position, then orientation of soles."""
         ends = self._forward(angles)
-        missing = target - ends.tip
+        position_error = target - ends.tip
         if not weight.any():
-            return missing, ends.jacobian
+            return position_error, ends.jacobian
         # The remaining rotation; a small one equals its skew part.
-        turn = self._turn @ ends.turn.transpose(0, 2, 1)
-        turned = 0.5 * (turn[:, [2, 0, 1], [1, 2, 0]] - turn[:, [1, 2, 0], [2, 0, 1]])
-        error = np.concatenate([missing, weight * turned], axis=1)
+        rotation = self._rotation @ ends.rotation.transpose(0, 2, 1)
+        rotation_error = 0.5 * (rotation[:, [2, 0, 1], [1, 2, 0]] - rotation[:, [1, 2, 0], [2, 0, 1]])
+        error = np.concatenate([position_error, weight * rotation_error], axis=1)
         return error, np.concatenate([ends.jacobian, weight[:, :, None] * ends.axes], axis=1)
 
-    def _stepped(
+    def _next_angles(
         self, angles: np.ndarray, error: np.ndarray, jacobian: np.ndarray, square: np.ndarray
     ) -> np.ndarray:
         """The next angles. Joints that would move beyond their limit are fixed; the others are solved for."""
         damping = (0.5 * square + _DAMPING)[:, None, None] * np.eye(error.shape[1])
         step = _damped_step(jacobian, error, damping)
-        held = ((angles <= self._lower) & (step < 0.0)) | ((angles >= self._upper) & (step > 0.0))
-        if held.any():
-            step = _damped_step(np.where(held[:, None, :], 0.0, jacobian), error, damping)
+        at_limit = ((angles <= self._lower) & (step < 0.0)) | ((angles >= self._upper) & (step > 0.0))
+        if at_limit.any():
+            step = _damped_step(np.where(at_limit[:, None, :], 0.0, jacobian), error, damping)
         return np.minimum(np.maximum(angles + step, self._lower), self._upper)
 
 
 def _damped_step(jacobian: np.ndarray, error: np.ndarray, damping: np.ndarray) -> np.ndarray:
     """J' (J J' + damping)^-1 error, (limbs, m)."""
-    across = jacobian.transpose(0, 2, 1)
-    return (across @ np.linalg.solve(jacobian @ across + damping, error[:, :, None]))[:, :, 0]
+    transposed = jacobian.transpose(0, 2, 1)
+    return (transposed @ np.linalg.solve(jacobian @ transposed + damping, error[:, :, None]))[:, :, 0]

@@ -52,9 +52,9 @@ def link_tree(robot: Robot, model: mujoco.MjModel) -> tuple[Link, ...]:
     links = [Link(BASE), _base_body(robot.description.base, base)]
     last = {base: links[-1]}  # the link that each body is
     for body in range(base + 1, model.nbody):  # parents come first
-        above = last.get(int(model.body_parentid[body]))
-        if above is not None:
-            added = list(_links_of(model, body, above))
+        parent_link = last.get(int(model.body_parentid[body]))
+        if parent_link is not None:
+            added = list(_links_of(model, body, parent_link))
             last[body] = added[-1]
             links += added
     site = model.site(robot.description.imu)
@@ -71,41 +71,42 @@ def link_tree(robot: Robot, model: mujoco.MjModel) -> tuple[Link, ...]:
 
 
 def _base_body(name: str, body: int) -> Link:
-    own = f"{BASE}_inertia" if name == BASE else name
-    return Link(own, BASE, f"{own}_fixed", body=body)
+    link_name = f"{BASE}_inertia" if name == BASE else name
+    return Link(link_name, BASE, f"{link_name}_fixed", body=body)
 
 
-def _links_of(model: mujoco.MjModel, body: int, above: Link) -> Iterator[Link]:
+def _links_of(model: mujoco.MjModel, body: int, parent_link: Link) -> Iterator[Link]:
     """The links of a body, one for each of its joints; all except the last are without mass."""
     start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-    name, at = model.body(body).name or f"body_{body}", above.body_origin + model.body_pos[body]
-    turn = rotation_matrix(model.body_quat[body])
+    name, at = model.body(body).name or f"body_{body}", parent_link.body_origin + model.body_pos[body]
+    body_rotation = rotation_matrix(model.body_quat[body])
     if not count:
-        yield Link(name, above.name, f"{name}_fixed", position=at, rotation=turn, body=body)
+        yield Link(name, parent_link.name, f"{name}_fixed", position=at, rotation=body_rotation, body=body)
         return
-    parent, origin = above.name, np.zeros(3)  # of the body, in the frame in which the next joint is placed
+    # `origin`: that of the body, in the frame in which the next joint is placed.
+    parent, origin = parent_link.name, np.zeros(3)
     for joint in range(start, start + count):
         is_last = joint == start + count - 1
         joint_name = model.joint(joint).name or f"{name}_joint_{joint - start}"
         kind, axis = _kind(model, joint, joint_name), model.jnt_axis[joint].copy()
         anchor, zero = model.jnt_pos[joint], model.qpos0[model.jnt_qposadr[joint]]
-        position, own_turn = at + turn @ (origin + anchor), turn
+        position, joint_rotation = at + body_rotation @ (origin + anchor), body_rotation
         if kind == PRISMATIC:
-            position = position - turn @ axis * zero
+            position = position - body_rotation @ axis * zero
         else:
-            own_turn = turn @ _about(axis, -zero)
+            joint_rotation = body_rotation @ _about(axis, -zero)
         yield Link(
             name if is_last else f"{name}_{joint_name}",
             parent,
             joint_name,
             kind,
             position,
-            own_turn,
+            joint_rotation,
             axis,
             body if is_last else -1,
             -anchor if is_last else np.zeros(3),
         )
-        parent, origin, at, turn = f"{name}_{joint_name}", -anchor, np.zeros(3), np.eye(3)
+        parent, origin, at, body_rotation = f"{name}_{joint_name}", -anchor, np.zeros(3), np.eye(3)
 
 
 def _kind(model: mujoco.MjModel, joint: int, name: str) -> str:

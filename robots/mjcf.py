@@ -13,7 +13,7 @@ def load_spec(path: Path) -> mujoco.MjSpec:
     """Read an MJCF file.
 
     Raises:
-        UserError: the file is missing or is no valid MJCF.
+        UserError: the file is missing or is not valid MJCF.
     """
     if not path.is_file():
         raise UserError(f"no MJCF file at {path}")

@@ -77,13 +77,13 @@ def training_spec(
         add_self_contacts(spec, rough=contacts in ("rough_limbs", "true_limbs"))
     paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     for geom in list(spec.geoms):
-        lands = whole_body and collides(geom)
-        if not lands and geom.name not in feet | paired:
+        touches_ground = whole_body and collides(geom)
+        if not touches_ground and geom.name not in feet | paired:
             spec.delete(geom)
             continue
-        geom.contype, geom.conaffinity = 0, int(lands or geom.name in feet)
+        geom.contype, geom.conaffinity = 0, int(touches_ground or geom.name in feet)
         # MuJoCo's rule for two geoms without priority, see `let_feet_decide`.
-        if lands and geom.name not in feet:
+        if touches_ground and geom.name not in feet:
             geom.friction = np.maximum(geom.friction, FLOOR_FRICTION)
     for joint in () if whole_body else spec.joints:
         joint.limited = mujoco.mjtLimited.mjLIMITED_FALSE
@@ -184,10 +184,10 @@ def _notes_on_feet(
         notes.append(f"{source} has no geom {', '.join(absent)}: these feet are not recorded")
     found = []
     for foot, geoms in zip(given, feet, strict=True):
-        strange = [geom for geom in geoms.tolist() if model.geom(geom).name not in foot.geoms]
-        if strange:
-            names = ", ".join(model.geom(geom).name or f"geom {geom}" for geom in strange)
-            body = model.body(model.geom_bodyid[strange[0]]).name
+        renamed = [geom for geom in geoms.tolist() if model.geom(geom).name not in foot.geoms]
+        if renamed:
+            names = ", ".join(model.geom(geom).name or f"geom {geom}" for geom in renamed)
+            body = model.body(model.geom_bodyid[renamed[0]]).name
             found.append(f"{', '.join(foot.geoms)} is {names} of body {body}")
     return notes + ([f"feet of {source} found by position: {', '.join(found)}"] if found else [])
 

@@ -16,18 +16,18 @@ from footfall.common.linear import solve_regular
 from footfall.robots.kinematics import Legs
 from footfall.robots.readings import Sensed
 
-_REGULAR = 1e-5 * np.eye(3)  # m^2/rad^2
+_REGULARISATION = 1e-5 * np.eye(3)  # m^2/rad^2
 
 
-def external_torque(legs: Legs, sensed: Sensed, own: np.ndarray) -> np.ndarray:
+def external_torque(legs: Legs, sensed: Sensed, motor_torque: np.ndarray) -> np.ndarray:
     """External torque on each joint, N m, (legs, m): weight - torque.
 
     Args:
         legs: legs of the robot.
         sensed: the readings.
-        own: (n,) N m, torque of the motors, with gearbox friction to include it.
+        motor_torque: (n,) N m, torque of the motors, plus gearbox friction where it is known.
     """
-    return legs.holding_torque(sensed.joint_position, sensed.acceleration) - legs.gather(own)
+    return legs.holding_torque(sensed.joint_position, sensed.acceleration) - legs.gather(motor_torque)
 
 
 def upward_force(jacobian: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -40,8 +40,8 @@ def upward_force(jacobian: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np
         torque: (legs, m, k) at the joints, N m.
         up: (3,) vertical, base frame.
     """
-    regular = jacobian @ jacobian.transpose(0, 2, 1) + _REGULAR
-    force: np.ndarray = up @ solve_regular(regular, jacobian @ torque)
+    regularised = jacobian @ jacobian.transpose(0, 2, 1) + _REGULARISATION
+    force: np.ndarray = up @ solve_regular(regularised, jacobian @ torque)
     return force
 
 
@@ -61,7 +61,7 @@ class MomentumObserver:
 
     def reset(self, external: np.ndarray, rates: np.ndarray) -> None:
         """Reset, assuming joints that do not accelerate; arguments as for `update`."""
-        self._slow = _side_by_side(external, self._momentum(rates))
+        self._filtered = _stacked(external, self._momentum(rates))
 
     def update(self, external: np.ndarray, rates: np.ndarray, dt_s: float) -> np.ndarray:
         """Process one set of readings of the same time.
@@ -76,16 +76,16 @@ class MomentumObserver:
         """
         momentum = self._momentum(rates)
         share = dt_s / (self._filter_s + dt_s)
-        self._slow += share * (_side_by_side(external, momentum) - self._slow)
-        rate = (momentum - self._slow[:, :, 1]) / self._filter_s
-        return _side_by_side(self._slow[:, :, 0], rate)
+        self._filtered += share * (_stacked(external, momentum) - self._filtered)
+        rate = (momentum - self._filtered[:, :, 1]) / self._filter_s
+        return _stacked(self._filtered[:, :, 0], rate)
 
     def _momentum(self, rates: np.ndarray) -> np.ndarray:
         """Momentum of each limb's joints, N m s, (legs, m)."""
         return (self._inertia @ rates[:, :, None])[:, :, 0]
 
 
-def _side_by_side(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+def _stacked(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Two arrays (legs, m) as one, (legs, m, 2): as `numpy.stack`, in a third of the time."""
     both = np.empty((*first.shape, 2))
     both[:, :, 0], both[:, :, 1] = first, second

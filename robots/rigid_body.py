@@ -36,18 +36,18 @@ def nominal_body(robot: Robot) -> RigidBody:
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fullM(model, data, inertia)
     base = model.body(robot.description.base)
-    six = np.arange(6) + base.dofadr[0]
+    base_dofs = np.arange(6) + base.dofadr[0]
     legs = robot.legs
     joints = np.array([model.joint(name).dofadr[0] for name in robot.joint_names])[legs.joints]
     present = legs.present[:, :, None] & legs.present[:, None, :]
     mass = model.body_subtreemass[base.id]
     centre = data.subtree_com[base.id]
     arm = skew(centre)
-    coupling = inertia[six][:, joints].transpose(1, 0, 2) * legs.present[:, None]  # base and joints
+    coupling = inertia[base_dofs][:, joints].transpose(1, 0, 2) * legs.present[:, None]  # base and joints
     return RigidBody(
         mass=float(mass),
         centre=centre,
-        inertia=inertia[np.ix_(six[3:], six[3:])] + mass * arm @ arm,  # parallel axis theorem
+        inertia=inertia[np.ix_(base_dofs[3:], base_dofs[3:])] + mass * arm @ arm,  # parallel axis theorem
         leg_inertia=inertia[joints[:, :, None], joints[:, None, :]] * present,
         leg_momentum=coupling[:, 3:] - arm @ coupling[:, :3],
     )

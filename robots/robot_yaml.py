@@ -61,7 +61,7 @@ class MotorType:
     current_endpoint: int | None = None  # id of an ODrive's current_soft_max
     torque_bandwidth_hz: float | None = None  # of the torque, a first-order lag; None: no lag
     stribeck_friction_nm: float = 0.0  # friction at rest beyond Coulomb friction
-    stribeck_speed_rad_s: float | None = None  # half of it is left; None: 5 friction_speed_rad_s
+    stribeck_speed_rad_s: float | None = None  # at which half of it remains; None: 5 friction_speed_rad_s
     load_friction: float = 0.0  # share of the motor torque that friction takes
     backlash_rad: float = 0.0  # whole play of the gearbox
     gear_stiffness_nm_rad: float | None = None  # of the gearbox; None: rigid
@@ -126,7 +126,7 @@ class Foot:
 
     def __post_init__(self) -> None:
         if not self.geoms:
-            raise ValueError("geoms must name at least one")
+            raise ValueError("geoms must name at least one geom")
         _require_name(self, "name", "force_bus")
 
 

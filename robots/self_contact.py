@@ -17,7 +17,7 @@ from footfall.common.rotations import rotation_matrix
 CAPSULE, SPHERE = mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_SPHERE
 SMOOTH, ROUGH = 1, 3  # condim; with friction, training of go1 on a GPU runs at 0.7 of the speed
 POSES = 1000  # random poses within the joint limits
-RADIUS_SHARE = 0.999  # of a capsule over the box's half width; a cube's capsule, too, has a length
+RADIUS_SHARE = 0.999  # of a capsule over the box's half width; a capsule in a cube needs a length, too
 EDGE_RATIO = 20.0  # half thickness over edge radius: a thigh jams on the trunk's edge as on the true one
 WORLD = 0  # body
 MAX_GAP_M = 0.01  # pairs that come nearer in any random pose can touch

@@ -72,7 +72,7 @@ def base_corners(description: Description, model: mujoco.MjModel) -> np.ndarray:
     solid = (model.geom_contype | model.geom_conaffinity) > 0
     geoms = np.flatnonzero(solid & (model.geom_bodyid == model.jnt_bodyid[free])).tolist()
     sides = [
-        [sign * max((_farthest(model, data, geom, sign * axis) for geom in geoms), default=0.0)
+        [sign * max((_extent(model, data, geom, sign * axis) for geom in geoms), default=0.0)
          for sign in (-1.0, 1.0)]
         for axis in np.eye(3)
     ]  # fmt: skip
@@ -88,10 +88,10 @@ def foot_positions(description: Description, model: mujoco.MjModel) -> np.ndarra
 
 def _lowest_point(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:
     """Height of a geom's lowest point, m."""
-    return -_farthest(model, data, geom, np.array([0.0, 0.0, -1.0]))
+    return -_extent(model, data, geom, np.array([0.0, 0.0, -1.0]))
 
 
-def _farthest(model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: np.ndarray) -> float:
+def _extent(model: mujoco.MjModel, data: mujoco.MjData, geom: int, direction: np.ndarray) -> float:
     """Extent of a geom from the world's origin along a unit vector (3,) in the world, m."""
     size = model.geom_size[geom]
     along = direction @ data.geom_xmat[geom].reshape(3, 3)  # the direction in the geom's axes

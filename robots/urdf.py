@@ -12,7 +12,7 @@ from footfall.common.rotations import rotation_matrix
 from footfall.robots.description import Robot
 from footfall.robots.link_tree import FIXED, Link, link_tree, load_model
 
-SEEN_GROUPS = 3  # geoms of groups 0, 1 and 2 are visible, as in MuJoCo's viewer
+VISIBLE_GROUPS = 3  # geoms of groups 0, 1 and 2 are visible, as in MuJoCo's viewer
 NOISE = 1e-12  # rounding error of a zero coordinate
 LOCKED = 1e-9  # cosine of the pitch below which roll and yaw have the same axis (gimbal lock)
 MOMENTS = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
@@ -74,7 +74,7 @@ def _add_link(root: ElementTree.Element, robot: Robot, model: mujoco.MjModel, li
         _add_inertial(element, model, link)
     solid = _solid_geoms(robot, model)
     for geom in _geoms(model, link.body):
-        if model.geom_group[geom] < SEEN_GROUPS:
+        if model.geom_group[geom] < VISIBLE_GROUPS:
             _add_shapes(element, "visual", model, geom, link)
         if geom in solid:
             _add_shapes(element, "collision", model, geom, link)
@@ -191,10 +191,10 @@ def _ellipsoid(size: np.ndarray) -> list[_Shape]:
     """The capsule that approximates an ellipsoid with these semi-axes."""
     longest = int(size.argmax())
     radius = math.sqrt(np.delete(size, longest).prod())
-    turn = np.roll(np.eye(3), longest + 1, axis=1)  # z of the capsule along the longest axis
+    axes = np.roll(np.eye(3), longest + 1, axis=1)  # z of the capsule along the longest axis
     capsule = _capsule(np.array([radius, size[longest] - radius]))
     return [
-        shape._replace(position=turn @ shape.position, rotation=turn @ shape.rotation) for shape in capsule
+        shape._replace(position=axes @ shape.position, rotation=axes @ shape.rotation) for shape in capsule
     ]
 
 

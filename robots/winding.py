@@ -53,7 +53,7 @@ def warmed(temperature_c: Array, squared_torque: Array, winding: Winding | None,
     return settled + (temperature_c - settled) * xp.exp(-elapsed_s * winding.cooling)
 
 
-def allowed(temperature_c: Array, winding: Winding) -> Array:
+def torque_share(temperature_c: Array, winding: Winding) -> Array:
     """Share of the peak torque left at these temperatures, (..., n), 0 to 1; 1 for NaN."""
     share = (winding.derating_end - temperature_c) / winding.derating_span
     xp = library(share)
@@ -64,4 +64,4 @@ def at_temperature(motor: Motor, temperature_c: Array, winding: Winding | None) 
     """The motor with its current limit at this temperature; unchanged without a thermal model."""
     if winding is None:
         return motor
-    return motor._replace(peak_torque=allowed(temperature_c, winding) * motor.peak_torque)
+    return motor._replace(peak_torque=torque_share(temperature_c, winding) * motor.peak_torque)

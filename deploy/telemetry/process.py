@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from footfall.common.held import held
+from footfall.common.locks import locked
 from footfall.deploy.log_records import START, take_records
 from footfall.deploy.log_store import LogStore, lock_name, next_part
 from footfall.deploy.telemetry.encoder import GONE, Encoder
@@ -57,7 +57,7 @@ class Parts:
         self.path = next_part(self.path)
         file = McapFile(self.path.open("xb"), metadata)
         self._held.close()
-        self._held.enter_context(held(lock_name(self.path), f"the log {self.path}"))
+        self._held.enter_context(locked(lock_name(self.path), f"the log {self.path}"))
         for topic, (time_ns, message) in self._latched.items():
             file.put(topic, time_ns, message)
         return file

@@ -11,7 +11,7 @@ from footfall.robots.importer.feet import leg_names, stand_on
 from footfall.robots.importer.limbs import Limbs, base_of, find_limbs
 from footfall.robots.importer.machine import Geom, Link, Machine, build_links, frozen_pose, pose_of
 from footfall.robots.importer.model_xml import FOOT_FRICTION
-from footfall.robots.importer.orientation import guessed_forward, turned
+from footfall.robots.importer.orientation import guessed_forward, with_base_axes
 from footfall.robots.importer.source import Source
 
 MAX_NAMES = 4  # names listed in a message; further ones are counted
@@ -33,11 +33,12 @@ def build_machine(
         UserError: the source is not a legged machine that footfall supports; the message has the reason.
     """
     if forward or up != "z":
-        source = turned(source, base_of(source.model), forward or ("y" if up.endswith("x") else "x"), up)
+        x_axis = forward or ("y" if up.endswith("x") else "x")
+        source = with_base_axes(source, base_of(source.model), x_axis, up)
     limbs = find_limbs(source, feet)
     guessed = "x" if forward else guessed_forward(source, limbs)
     if guessed != "x":
-        source = turned(source, limbs.base, guessed)
+        source = with_base_axes(source, limbs.base, guessed)
     model = source.model
     uses = Counter(joint for limb in limbs.legs for joint in limb.joints)
     links = list(build_links(source, limbs.base, set(uses)))

@@ -73,8 +73,8 @@ def _link(machine: Machine, index: int, height_m: float, feet: set[str]) -> Iter
     link = machine.links[index]
     is_base = index == 0
     position = f"0 0 {height_m:.6g}" if is_base else _numbers(link.position)
-    turn = "" if is_base else _turn(link.quaternion)
-    yield f'<body name={quoteattr(link.name)} pos="{position}"{turn}>'
+    rotation = "" if is_base else _rotation(link.quaternion)
+    yield f'<body name={quoteattr(link.name)} pos="{position}"{rotation}>'
     if is_base:
         yield '  <freejoint name="floating_base"/>'
     yield f"  {_inertial(link)}"
@@ -97,7 +97,7 @@ def _inertial(link: Link) -> str:
 
 
 def _joint(hinge: Hinge) -> str:
-    rest = {
+    optional = {
         "pos": "" if not hinge.anchor.any() else _numbers(hinge.anchor),
         "axis": _numbers(hinge.axis),
         "range": f"{hinge.low:.6g} {hinge.high:.6g}",
@@ -106,7 +106,7 @@ def _joint(hinge: Hinge) -> str:
         "frictionloss": "" if hinge.friction == 0.0 else f"{hinge.friction:.4g}",
         "damping": "" if hinge.damping == 0.0 else f"{hinge.damping:.4g}",
     }
-    given = " ".join(f'{name}="{value}"' for name, value in rest.items() if value)
+    given = " ".join(f'{name}="{value}"' for name, value in optional.items() if value)
     return f"<joint name={quoteattr(hinge.name)} {given}/>"
 
 
@@ -122,7 +122,7 @@ def _geom(geom: Geom, is_foot: bool, of_base: bool) -> str:
         attributes = f'name={quoteattr(geom.name)} class="leg"'
     elif (geom.contype, geom.conaffinity) != (1, 1):
         touch = f' contype="{geom.contype}" conaffinity="{geom.conaffinity}"'
-    pose = f'pos="{_numbers(geom.shape.position)}"{_turn(geom.shape.quaternion)}'
+    pose = f'pos="{_numbers(geom.shape.position)}"{_rotation(geom.shape.quaternion)}'
     return f'<geom {attributes} type="{kind}" size="{size}" {pose}{touch}/>'
 
 
@@ -131,7 +131,7 @@ def _touches_by_pair(geom: Geom) -> bool:
     return not (geom.contype or geom.conaffinity)
 
 
-def _turn(quaternion: np.ndarray) -> str:
+def _rotation(quaternion: np.ndarray) -> str:
     return "" if abs(quaternion[0]) > 1 - 1e-9 else f' quat="{_numbers(quaternion)}"'
 
 

@@ -16,15 +16,14 @@ from footfall.robots.importer.statics import Statics
 # The joints of Go1 and G1, whose rotor inertias are published, have 1.2e-4 to 2.5e-4.
 ARMATURE_PER_TORQUE = 1.7e-4  # kg m^2 per N m of peak torque
 NO_LOAD_SPEED_RAD_S = 30.0  # if a file gives none
-MAX_SPEED_RAD_S = 60.0  # larger values in a file are not a motor's
+MAX_SPEED_RAD_S = 60.0  # larger values in a file are implausible
 FRICTION_SPEED_RAD_S = 0.2
 PLANT_STEP_S = 0.001
 FRICTION_SHARE = 0.3  # share of a velocity that the friction ramp may remove in one step of the plant
-MAX_LEVERAGE = 3.0  # torque over weight times reach; larger values in a file are not a motor's
-PEAK_TORQUE_ERROR_RAD = (
-    0.75  # position error at which the stiffness demands the peak torque: 0.5 to 1.1 on Go1 and G1
-)
-MAX_SAG_RAD = 0.12  # under the robot's own weight
+MAX_LEVERAGE = 3.0  # torque over weight times reach; larger values in a file are implausible
+# Position error at which the stiffness demands the peak torque: 0.5 to 1.1 on Go1 and G1.
+PEAK_TORQUE_ERROR_RAD = 0.75
+MAX_SAG_RAD = 0.12  # largest position error under the robot's own weight
 STABILITY_MARGIN = 2.0  # stiffness over the smallest stiffness with which the machine stands
 GEAR_RATIO = 10.0  # of medium-sized motors; used for the copper loss only
 FREQUENCIES_HZ = tuple(np.arange(1.0, 61.0, 0.5).tolist())
@@ -65,15 +64,15 @@ def value_for(joint: str, values: ByJoint) -> float | None:
 def with_armature(machine: Machine, peak: Mapping[str, float], given: ByJoint) -> tuple[Machine, list[str]]:
     """The machine with a reflected inertia for each joint, and the guesses.
 
-    It is the given value, or else the file's, or else proportional to the peak torque
+    The inertia is the given value, or else the file's, or else proportional to the peak torque
     (`ARMATURE_PER_TORQUE`).
     """
     estimated: list[str] = []
 
     def armature(hinge: Hinge) -> float:
-        named = value_for(hinge.name, given)
-        if named is not None:
-            return named
+        from_user = value_for(hinge.name, given)
+        if from_user is not None:
+            return from_user
         if hinge.armature > 0.0:
             return hinge.armature
         estimated.append(hinge.name)
@@ -98,17 +97,18 @@ def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: floa
     peak = {}
     max_torque = MAX_LEVERAGE * machine.mass * GRAVITY_M_S2 * reach_m
     for hinge in machine.hinges:
-        named, from_file = value_for(hinge.name, given), source.peak_torque_nm.get(hinge.name)
-        if named is None and from_file is None:
+        from_user, from_file = value_for(hinge.name, given), source.peak_torque_nm.get(hinge.name)
+        if from_user is None and from_file is None:
             raise UserError(
                 f"{source.path}: joint {hinge.name} has no peak torque (effort): give --peak-torque"
             )
-        if named is None and from_file is not None and from_file > max_torque:
+        if from_user is None and from_file is not None and from_file > max_torque:
             raise UserError(
                 f"{source.path}: joint {hinge.name} has a peak torque of {from_file:g} N m, which"
-                f" is no motor's on a machine of {machine.mass:.3g} kg: give --peak-torque"
+                f" is implausible for a machine of {machine.mass:.3g} kg: give --peak-torque"
             )
-        peak[hinge.name] = from_file if named is None and from_file is not None else float(named or 0.0)
+        torque = from_file if from_user is None else from_user
+        peak[hinge.name] = float(torque or 0.0)
     return peak
 
 
@@ -136,10 +136,10 @@ def choose_drive(
     typical_hz = float(np.sqrt(np.median(torque / armature) / PEAK_TORQUE_ERROR_RAD) / (2 * np.pi))
     guesses = [
         "torque-speed line: from the peak torque at rest to the no-load speed",
-        f"winding{'' if gear else ' and gear ratio'}: assumed, they price the copper loss only",
+        f"winding{'' if gear else ' and gear ratio'}: assumed, only used for the copper loss",
     ]
     if not any(hinge.friction or hinge.damping for hinge in hinges):
-        guesses.append("friction and damping of the joints: none, as the file gives none")
+        guesses.append("friction and damping of the joints: none, because the file gives none")
 
     def stiffness(frequency: float) -> np.ndarray:
         return armature * (2 * np.pi * frequency) ** 2
@@ -150,7 +150,7 @@ def choose_drive(
         return sag < MAX_SAG_RAD and standing.stable(kp / STABILITY_MARGIN)
 
     frequency = next((f for f in FREQUENCIES_HZ if f >= typical_hz - 0.25 and stands(f)), None)
-    found = frequency is not None
+    is_stable = frequency is not None
     if frequency is None:
         frequency = min(FREQUENCIES_HZ, key=lambda f: abs(f - typical_hz))
         guesses.append("the robot cannot stand by joint stiffness alone: it needs a policy that balances it")
@@ -161,17 +161,17 @@ def choose_drive(
     share = min(0.3, float(0.9 * (span * kp / torque).min()))
     motors, unknown = {}, []
     for hinge in hinges:
-        fastest = value_for(hinge.name, speed) or source.speed_rad_s.get(hinge.name, np.inf)
-        if fastest > MAX_SPEED_RAD_S:
+        no_load_speed = value_for(hinge.name, speed) or source.speed_rad_s.get(hinge.name, np.inf)
+        if no_load_speed > MAX_SPEED_RAD_S:
             unknown.append(hinge.name)
-            fastest = NO_LOAD_SPEED_RAD_S
+            no_load_speed = NO_LOAD_SPEED_RAD_S
         ramp = hinge.friction * PLANT_STEP_S / (FRICTION_SHARE * hinge.armature)
         ratio = value_for(hinge.name, gear or {}) or GEAR_RATIO
-        developed = max(FRICTION_SPEED_RAD_S, _ceil(ramp))
-        motors[hinge.name] = JointMotor(peak[hinge.name], fastest, developed, ratio)
+        friction_speed = max(FRICTION_SPEED_RAD_S, _ceil(ramp))
+        motors[hinge.name] = JointMotor(peak[hinge.name], no_load_speed, friction_speed, ratio)
     if unknown:
         guesses.append(f"no-load speed of {shortened(unknown)}: {NO_LOAD_SPEED_RAD_S:g} rad/s")
-    return Drive(motors, frequency, _floor(share), found, tuple(guesses))
+    return Drive(motors, frequency, _floor(share), is_stable, tuple(guesses))
 
 
 def _refuse_weak(machine: Machine, source: Source, peak: Mapping[str, float], standing: Statics) -> None:

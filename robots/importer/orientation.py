@@ -22,8 +22,8 @@ WORDS = {"l": "l", "left": "l", "r": "r", "right": "r"}
 MIN_COSINE = 0.9  # smallest cosine of the angle between the guessed direction and an axis
 
 
-def turned(source: Source, base: int, forward: str, up: str = "z") -> Source:
-    """The source with another frame of its base, in which the base is level.
+def with_base_axes(source: Source, base: int, forward: str, up: str = "z") -> Source:
+    """The source with other axes of its base: x forward, z up.
 
     Args:
         source: the model; it is not changed.
@@ -36,7 +36,7 @@ def turned(source: Source, base: int, forward: str, up: str = "z") -> Source:
     """
     x, z = AXES[forward], AXES[up]
     if abs(x @ z) > 0.0:
-        raise UserError(f"--forward {forward} and --up {up} are one axis: they are at right angles")
+        raise UserError(f"--forward {forward} and --up {up} are the same axis: they must be at right angles")
     axes = np.stack([x, np.cross(z, x), z])  # rows: the new axes in the old frame
     model = copy.copy(source.model)
     for fixed, position, quaternion in (
@@ -50,8 +50,8 @@ def turned(source: Source, base: int, forward: str, up: str = "z") -> Source:
             quaternion[index] = quaternion_of(axes @ rotation_of(quaternion[index]))
     at = int(model.jnt_qposadr[model.body_jntadr[base]])
     model.qpos0[at + 3 : at + 7] = model.body_quat[base] = (1.0, 0.0, 0.0, 0.0)
-    own = {model.geom(int(geom)).name for geom in np.flatnonzero(model.geom_bodyid == base)}
-    meshes = {name: points @ axes.T if name in own else points for name, points in source.meshes.items()}
+    of_base = {model.geom(int(geom)).name for geom in np.flatnonzero(model.geom_bodyid == base)}
+    meshes = {name: points @ axes.T if name in of_base else points for name, points in source.meshes.items()}
     return replace(source, model=model, meshes=meshes)
 
 
@@ -65,16 +65,16 @@ def guessed_forward(source: Source, limbs: Limbs) -> str:
     data = pose_of(model, frozen_pose(model, set()))
     sides = side_letters(model.body(limb.bodies[0]).name for limb in limbs.legs)
     positions = np.array([data.xanchor[model.joint(limb.joints[0]).id] for limb in limbs.legs])
-    of_side = [
-        [position for position, this in zip(positions, sides, strict=True) if this == side] for side in "lr"
-    ]
+    legs = list(zip(positions, sides, strict=True))
+    of_side = [[position for position, leg_side in legs if leg_side == side] for side in "lr"]
     if not all(of_side):
         return "x"
     left, right = (np.mean(each, axis=0) for each in of_side)
     across = data.xmat[limbs.base].reshape(3, 3).T @ (left - right)
-    ahead = np.cross(across, AXES["z"])
-    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
-    return next((name for name, axis in AXES.items() if name[-1] != "z" and axis @ ahead > MIN_COSINE), "x")
+    direction = np.cross(across, AXES["z"])
+    direction /= max(float(np.linalg.norm(direction)), 1e-9)
+    horizontal = {name: axis for name, axis in AXES.items() if name[-1] != "z"}
+    return next((name for name, axis in horizontal.items() if axis @ direction > MIN_COSINE), "x")
 
 
 def side_letters(names: Iterable[str]) -> list[str]:

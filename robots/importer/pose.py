@@ -1,4 +1,4 @@
-"""Searches a default pose: knees bent, soles level, the centre of mass above the middle of the feet.
+"""Searches for a default pose: knees bent, soles level, the centre of mass above the middle of the feet.
 
 Damped least squares, from several starts, give each leg's joints for a foot position.
 """
@@ -19,16 +19,16 @@ MAX_ANGLE_RAD = np.pi  # largest angle of a joint
 UPRIGHT, CROUCHED = 0.95, 0.75  # share of a leg's reach, on two legs and on more
 SPREAD_SHARE = 0.4  # at zero, a spread leg reaches down less than this share of its length
 SPREAD_IN = 0.7  # distance of a spread leg's foot from its hip, over that at zero
-STARTS = 5
-STEPS = 40
+STARTS = 5  # random starts of a search
+STEPS = 40  # largest number of steps from a start
 WORTH_A_STEP = 1e-3  # smallest reduction of the cost, as a share, to continue
-DAMPING = 1e-3
+DAMPING = 1e-3  # at the first step
 WEIGHTS = {"position": 1.0, "height": 3.0, "level": 3.0, "heading": 0.3, "posture": 0.02}
 STANDS = 0.3  # smallest share of a leg's reach at which a given pose counts as standing
 EQUAL_COST = 0.002  # costs that differ by less count as equal
 SAME_COST = 1e-4  # if costs differ by less, the pose is kept
 OFF_CENTRE = 0.02  # a lateral offset of the centre of mass below this share of a leg's length counts as 0
-BALANCING_ROUNDS = 4
+BALANCING_ROUNDS = 4  # moves of the feet towards the centre of mass
 
 
 class Pose(NamedTuple):
@@ -54,6 +54,8 @@ def standing_pose(machine: Machine, given: Mapping[str, float] | None = None, se
 
 
 class _Search:
+    """Search for the default pose of one machine."""
+
     def __init__(self, machine: Machine, seed: int) -> None:
         self._machine = machine
         self._random = np.random.default_rng(seed)
@@ -69,13 +71,13 @@ class _Search:
             data.qpos[at] = np.clip(0.0, low, high)
         mujoco.mj_kinematics(self._model, data)
         reach = [self._solve(leg, self._lowest_of(leg)).reach for leg in legs]
-        takes = bool(given) and self._apply_given(given, reach)
-        if not takes:
+        stands = bool(given) and self._apply_given(given, reach)
+        if not stands:
             self._balance(reach)
         mujoco.mj_kinematics(self._model, data)
         joints = {hinge.name: float(data.joint(hinge.name).qpos[0]) for hinge in self._machine.hinges}
         knees = float(np.mean([leg.knee(data) for leg in legs]))
-        return Pose(joints, -min(leg.foot(data)[2] for leg in legs), knees, max(reach), takes)
+        return Pose(joints, -min(leg.foot(data)[2] for leg in legs), knees, max(reach), stands)
 
     def _apply_given(self, given: Mapping[str, float], reach: list[float]) -> bool:
         """Set a given pose; returns whether it stands, which needs one leg stretched far enough."""
@@ -83,19 +85,19 @@ class _Search:
             low, high = soft_limits(hinge.low, hinge.high, GIVEN_RANGE)
             self._data.joint(hinge.name).qpos = np.clip(given[hinge.name], low, high)
         mujoco.mj_kinematics(self._model, self._data)
-        down = [leg.hip[2] - leg.foot(self._data)[2] for leg in self._legs]
-        return any(low > STANDS * far for low, far in zip(down, reach, strict=True))
+        depth = [leg.hip[2] - leg.foot(self._data)[2] for leg in self._legs]
+        return any(z > STANDS * leg_reach for z, leg_reach in zip(depth, reach, strict=True))
 
     def _balance(self, reach: list[float]) -> None:
         """Bend the legs, and move the feet until the centre of mass is above their middle."""
         data, legs = self._data, self._legs
         share = UPRIGHT if len(legs) == 2 else CROUCHED
-        ground = max(leg.hip[2] - share * far for leg, far in zip(legs, reach, strict=True))
+        ground = max(leg.hip[2] - share * leg_reach for leg, leg_reach in zip(legs, reach, strict=True))
         targets = [np.array([*leg.natural_position(), ground]) for leg in legs]
         for _ in range(BALANCING_ROUNDS):
             solved: list[_Solved] = []
             for leg, target in zip(legs, targets, strict=True):
-                solved.append(self._next(leg, target, solved))
+                solved.append(self._leg_angles(leg, target, solved))
                 data.qpos[leg.at] = solved[-1].joints
             shift = self._centre_of_mass()[:2] - np.mean([leg.foot(data)[:2] for leg in legs], axis=0)
             if abs(shift[1]) < OFF_CENTRE * legs[0].length:
@@ -114,23 +116,23 @@ class _Search:
         """A point far below the hip: reaching for it stretches the leg."""
         return np.array([*leg.hip[:2], leg.hip[2] - 1.2 * leg.length])
 
-    def _next(self, leg: "LegSearch", target: np.ndarray, solved: "list[_Solved]") -> "_Solved":
-        """The angles of an earlier leg, mirrored on the other side, or a new search if they do not fit."""
-        before = [(other, found) for other, found in zip(self._legs, solved, strict=False)]
-        like = [
-            (leg.like(other, found.joints), found.cost) for other, found in before if other.kind == leg.kind
+    def _leg_angles(self, leg: "LegSearch", target: np.ndarray, solved: "list[_Solved]") -> "_Solved":
+        """Angles of an earlier leg, mirrored for a leg on the other side; a new search if they do not fit."""
+        earlier = zip(self._legs, solved, strict=False)
+        mirrored = [
+            (leg.like(other, found.joints), found.cost) for other, found in earlier if other.kind == leg.kind
         ]
-        if not like:
+        if not mirrored:
             return self._solve(leg, target)
-        exact = min((self._as_is(leg, target, joints) for joints, _ in like), key=lambda found: found.cost)
+        evaluated = [self._evaluated(leg, target, joints) for joints, _ in mirrored]
+        exact = min(evaluated, key=lambda found: found.cost)
         nearby = self._descend(leg, target, exact.joints)
         if exact.cost < nearby.cost + SAME_COST:
             return exact
-        return (
-            nearby if nearby.cost < max(cost for _, cost in like) + EQUAL_COST else self._solve(leg, target)
-        )
+        max_cost = max(cost for _, cost in mirrored) + EQUAL_COST
+        return nearby if nearby.cost < max_cost else self._solve(leg, target)
 
-    def _as_is(self, leg: "LegSearch", target: np.ndarray, joints: np.ndarray) -> "_Solved":
+    def _evaluated(self, leg: "LegSearch", target: np.ndarray, joints: np.ndarray) -> "_Solved":
         joints = np.clip(joints, leg.low, leg.high)
         residual = self._residual(leg, target, joints)
         return self._solved(leg, joints, residual)
@@ -148,19 +150,19 @@ class _Search:
         residual = self._residual(leg, target, joints)
         damping = DAMPING
         for _ in range(STEPS):
-            slope = np.empty((len(residual), len(joints)))
+            jacobian = np.empty((len(residual), len(joints)))
             for i in range(len(joints)):
                 moved = joints.copy()
                 moved[i] += 1e-6
-                slope[:, i] = (self._residual(leg, target, moved) - residual) / 1e-6
-            normal = slope.T @ slope
-            step = np.linalg.solve(normal + damping * np.eye(len(joints)), -slope.T @ residual)
+                jacobian[:, i] = (self._residual(leg, target, moved) - residual) / 1e-6
+            normal = jacobian.T @ jacobian
+            step = np.linalg.solve(normal + damping * np.eye(len(joints)), -jacobian.T @ residual)
             trial = np.clip(joints + step, leg.low, leg.high)
-            tried = self._residual(leg, target, trial)
-            if tried @ tried < residual @ residual:
-                done = tried @ tried > (1.0 - WORTH_A_STEP) * (residual @ residual)
-                joints, residual, damping = trial, tried, damping / 3
-                if done:
+            trial_residual = self._residual(leg, target, trial)
+            if trial_residual @ trial_residual < residual @ residual:
+                converged = trial_residual @ trial_residual > (1.0 - WORTH_A_STEP) * (residual @ residual)
+                joints, residual, damping = trial, trial_residual, damping / 3
+                if converged:
                     break
             else:
                 damping *= 5
@@ -178,10 +180,10 @@ class _Search:
         data = self._data
         data.qpos[leg.at] = joints
         mujoco.mj_kinematics(self._model, data)
-        away = (leg.foot(data) - target) / leg.length
+        error = (leg.foot(data) - target) / leg.length
         parts = [
-            WEIGHTS["position"] * away[:2],
-            WEIGHTS["height"] * away[2:],
+            WEIGHTS["position"] * error[:2],
+            WEIGHTS["height"] * error[2:],
             WEIGHTS["posture"] * (joints - leg.near_zero),
         ]
         if leg.sole:
@@ -245,8 +247,8 @@ class LegSearch:
         foot, anchors = self.foot(data), data.xanchor[self._ids]
         along = foot - self.hip
         share = np.clip((anchors - self.hip) @ along / max(along @ along, 1e-9), 0.0, 1.0)
-        away = anchors - self.hip - share[:, None] * along
-        return float(away[int(np.linalg.norm(away, axis=1).argmax())][0])
+        offset = anchors - self.hip - share[:, None] * along
+        return float(offset[int(np.linalg.norm(offset, axis=1).argmax())][0])
 
     def natural_position(self) -> np.ndarray:
         """Desired position of the foot on the ground, (2,) m: as at zero, or nearer if the leg is spread."""

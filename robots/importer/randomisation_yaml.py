@@ -28,6 +28,6 @@ def randomisation_yaml(machine: Machine, pose: Pose, defaults: Mapping[str, tupl
         low = max(low, -MAX_LOAD_SHARE * machine.links[0].mass)
         text += f"payload_kg: {{low: {low:.2g}, high: {high:.2g}}}\n"
     if "com_offset_m" in defaults:
-        left, right = (length * metres for metres in defaults["com_offset_m"])
-        text += f"com_offset_m: {{low: {left:.2g}, high: {right:.2g}}}\n"
+        low, high = (length * metres for metres in defaults["com_offset_m"])
+        text += f"com_offset_m: {{low: {low:.2g}, high: {high:.2g}}}\n"
     return text

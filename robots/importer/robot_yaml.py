@@ -115,7 +115,7 @@ def choose_protocols(
 ) -> tuple[dict[str, str], list[str]]:
     """Motor model for each joint: the weakest one whose frames have the required ranges.
 
-    If none has them, it is the strongest one, and the joint is in the second result.
+    If no model has them, the strongest one is chosen, and the joint is in the second result.
 
     Args:
         machine: the robot.
@@ -123,7 +123,7 @@ def choose_protocols(
         known: motor models.
         gains: further stiffness and damping that frames must carry, N m/rad and N m s/rad.
     """
-    chosen, beyond = {}, []
+    chosen, out_of_range = {}, []
     by_torque = sorted(known, key=lambda name: known[name].torque)
     w = 2 * np.pi * drive.natural_frequency_hz
     for hinge in machine.hinges:
@@ -132,8 +132,8 @@ def choose_protocols(
         fitting = (name for name in by_torque if _carries(known[name], motor, kp, kd))
         chosen[hinge.name] = next(fitting, by_torque[-1])
         if not _carries(known[chosen[hinge.name]], motor, kp, kd):
-            beyond.append(hinge.name)
-    return chosen, beyond
+            out_of_range.append(hinge.name)
+    return chosen, out_of_range
 
 
 def _carries(ranges: Ranges, motor: JointMotor, kp: float, kd: float) -> bool:

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-DIRECTIONS = 400
+DIRECTIONS = 400  # number of directions in which extents are compared
 MIN_HALF_THICKNESS_M = 1e-3  # smallest half-thickness of a shape
 SOLE_M = 0.02  # thickness of a sole, and of the layer of points that counts as its underside
-NEARLY_LEVEL = 0.05  # sine of the angle
+NEARLY_LEVEL = 0.05  # largest sine of the angle to the ground of an edge or face that counts as level
 MIN_IMPROVEMENT = 0.9  # a less simple shape is used if its error is below this share of the simpler one's
 
 Kind = mujoco.mjtGeom
@@ -42,32 +42,32 @@ def fit_shape(points: np.ndarray) -> tuple[Shape, float]:
     frame or the principal axes of the hull.
     """
     directions = _directions()
-    reach = (points @ directions.T).max(axis=0)
+    extents = (points @ directions.T).max(axis=0)
     hull = points[(points @ directions.T).argmax(axis=0)]
     frames = (np.eye(3), _principal_axes(hull))
-    fits = [_fit_sphere(directions, reach)]
-    fits += [_fit_capsule(directions, reach, frame, axis) for frame in frames for axis in range(3)]
-    fits += [_fit_box(directions, reach, points, frame) for frame in frames]
+    fits = [_fit_sphere(directions, extents)]
+    fits += [_fit_capsule(directions, extents, frame, axis) for frame in frames for axis in range(3)]
+    fits += [_fit_box(directions, extents, points, frame) for frame in frames]
     best, error = fits[0]
-    for shape, this in fits[1:]:
-        if this < MIN_IMPROVEMENT * error:
-            best, error = shape, this
+    for shape, other_error in fits[1:]:
+        if other_error < MIN_IMPROVEMENT * error:
+            best, error = shape, other_error
     return best, error
 
 
 def fit_along(shapes: Sequence[Shape], direction: np.ndarray) -> Shape:
     """The capsule along `direction` (3,) nearest to the hull of a link's shapes; a sphere for direction 0."""
     directions = _directions()
-    reach = np.max([directions @ s.position + [support(s, u) for u in directions] for s in shapes], axis=0)
+    extents = np.max([directions @ s.position + [support(s, u) for u in directions] for s in shapes], axis=0)
     norm = float(np.linalg.norm(direction))
     if norm > MIN_HALF_THICKNESS_M:
         _, _, rows = np.linalg.svd(direction[None] / norm)
         turned = rows[[1, 2, 0]].T
         frame = turned * np.sign(np.linalg.det(turned))
-        capsule, error = _fit_capsule(directions, reach, frame, axis=2)
+        capsule, error = _fit_capsule(directions, extents, frame, axis=2)
         if np.isfinite(error):
             return capsule
-    return _fit_sphere(directions, reach)[0]
+    return _fit_sphere(directions, extents)[0]
 
 
 def fit_sole(points: np.ndarray, up: np.ndarray) -> Shape:
@@ -161,36 +161,36 @@ def _principal_axes(points: np.ndarray) -> np.ndarray:
     return np.stack([rows[1], np.cross(rows[0], rows[1]), rows[0]], axis=1)
 
 
-def _fit_sphere(directions: np.ndarray, reach: np.ndarray) -> tuple[Shape, float]:
+def _fit_sphere(directions: np.ndarray, extents: np.ndarray) -> tuple[Shape, float]:
     columns = np.column_stack([directions, np.ones(len(directions))])
-    (*centre, radius), error = _least_squares(columns, reach)
+    (*centre, radius), error = _least_squares(columns, extents)
     return Shape(Kind.mjGEOM_SPHERE, _size(radius), np.array(centre), np.array([1.0, 0, 0, 0])), error
 
 
 def _fit_capsule(
-    directions: np.ndarray, reach: np.ndarray, frame: np.ndarray, axis: int
+    directions: np.ndarray, extents: np.ndarray, frame: np.ndarray, axis: int
 ) -> tuple[Shape, float]:
     along = np.abs(directions @ frame[:, axis])
     columns = np.column_stack([directions, np.ones(len(directions)), along])
-    (*centre, radius, half), error = _least_squares(columns, reach)
+    (*centre, radius, half), error = _least_squares(columns, extents)
     turned = np.roll(frame, 2 - axis, axis=1)  # MuJoCo's capsules lie along z
     shape = Shape(Kind.mjGEOM_CAPSULE, _size(radius, half), np.array(centre), quaternion_of(turned))
     return shape, error if radius > MIN_HALF_THICKNESS_M and half > MIN_HALF_THICKNESS_M else np.inf
 
 
 def _fit_box(
-    directions: np.ndarray, reach: np.ndarray, points: np.ndarray, frame: np.ndarray
+    directions: np.ndarray, extents: np.ndarray, points: np.ndarray, frame: np.ndarray
 ) -> tuple[Shape, float]:
     low, high = (points @ frame).min(axis=0), (points @ frame).max(axis=0)
     size, centre = _size(*(high - low) / 2), frame @ ((high + low) / 2)
     box = directions @ centre + np.abs(directions @ frame) @ size
-    error = float(np.sqrt(np.mean((box - reach) ** 2)))
+    error = float(np.sqrt(np.mean((box - extents) ** 2)))
     return Shape(Kind.mjGEOM_BOX, size, centre, quaternion_of(frame)), error
 
 
-def _least_squares(columns: np.ndarray, reach: np.ndarray) -> tuple[list[float], float]:
-    found = np.linalg.lstsq(columns, reach, rcond=None)[0]
-    return found.tolist(), float(np.sqrt(np.mean((columns @ found - reach) ** 2)))
+def _least_squares(columns: np.ndarray, extents: np.ndarray) -> tuple[list[float], float]:
+    found = np.linalg.lstsq(columns, extents, rcond=None)[0]
+    return found.tolist(), float(np.sqrt(np.mean((columns @ found - extents) ** 2)))
 
 
 def _size(*values: float) -> np.ndarray:

@@ -48,14 +48,14 @@ def statics(
     points = [_lowest(model, data, name) for leg in legs for name in leg.geoms]
     positions = np.array([position for _, position in points])
     force = _ground_forces(positions, data.subtree_com[1], float(model.body_mass.sum() * GRAVITY_M_S2))
-    local = [
+    body_points = [
         (body, data.xmat[body].reshape(3, 3).T @ (position - data.xpos[body])) for body, position in points
     ]
-    unbalanced = _unbalanced(model, qpos, local, force)
-    jacobian = np.concatenate([_jacobian(model, data, body, at) for body, at in local])
+    unbalanced = _unbalanced(model, qpos, body_points, force)
+    jacobian = np.concatenate([_jacobian(model, data, body, local) for body, local in body_points])
     _, values, rows = np.linalg.svd(jacobian)
     free = rows[int((values > 1e-6 * values[0]).sum()) :].T
-    slope = np.stack([_slope(model, qpos, local, force, direction) for direction in free.T], axis=1)
+    slope = np.stack([_slope(model, qpos, body_points, force, direction) for direction in free.T], axis=1)
     gravity = free.T @ slope
     dofs = [int(model.joint(name).dofadr[0]) for name in joints]
     return Statics(unbalanced[dofs], (gravity + gravity.T) / 2, free[dofs])
@@ -78,7 +78,7 @@ def _ground_forces(positions: np.ndarray, centre: np.ndarray, weight_n: float) -
 
 
 def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, body: int, local: np.ndarray) -> np.ndarray:
-    """Jacobian of a point of a body, (3, nv)."""
+    """Jacobian (3, nv) of a point of a body; `local` (3,), m, is the point in the body's frame."""
     jacobian = np.zeros((3, model.nv))
     position = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local
     mujoco.mj_jac(model, data, jacobian, None, position, body)
@@ -86,22 +86,22 @@ def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, body: int, local: np.n
 
 
 def _unbalanced(
-    model: mujoco.MjModel, qpos: np.ndarray, local: list[tuple[int, np.ndarray]], force: np.ndarray
+    model: mujoco.MjModel, qpos: np.ndarray, body_points: list[tuple[int, np.ndarray]], force: np.ndarray
 ) -> np.ndarray:
     """Generalised force required for equilibrium, (nv,): gravity's minus the ground's."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
-    needed = data.qfrc_bias.copy()
-    for (body, at), upward in zip(local, force, strict=True):
-        needed -= upward * _jacobian(model, data, body, at)[2]
-    return needed
+    required = data.qfrc_bias.copy()
+    for (body, local), upward in zip(body_points, force, strict=True):
+        required -= upward * _jacobian(model, data, body, local)[2]
+    return required
 
 
 def _slope(
     model: mujoco.MjModel,
     qpos: np.ndarray,
-    local: list[tuple[int, np.ndarray]],
+    body_points: list[tuple[int, np.ndarray]],
     force: np.ndarray,
     direction: np.ndarray,
 ) -> np.ndarray:
@@ -109,5 +109,5 @@ def _slope(
     plus, minus = qpos.copy(), qpos.copy()
     mujoco.mj_integratePos(model, plus, direction, STEP)
     mujoco.mj_integratePos(model, minus, direction, -STEP)
-    difference = _unbalanced(model, plus, local, force) - _unbalanced(model, minus, local, force)
+    difference = _unbalanced(model, plus, body_points, force) - _unbalanced(model, minus, body_points, force)
     return difference / (2 * STEP)

@@ -9,7 +9,7 @@ MASS_KG, REACH_M = 13.0, 0.45
 FREQUENCY_HZ, SWING_HEIGHT_M = 2.2, 0.08
 TORQUE, POWER = -1.2e-3, -6.8e-3
 CROWDED_FEET, FOOT_DISTANCE_M = -40.0, 0.12  # less than the presets': other robots may stand on narrower feet
-BEYOND = 1.2  # largest command in training over the largest in scenarios
+RANGE_FACTOR = 1.2  # largest command in training over the largest in scenarios
 
 
 def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_name: str | None) -> str:
@@ -17,13 +17,13 @@ def training_yaml(machine: Machine, pose: Pose, commands: CommandRange, gait_nam
 
     Lengths are scaled by the legs' reach, times by its square root, forces by the mass (dynamic similarity:
     Alexander and Jayes 1983, A dynamic similarity hypothesis for the gaits of quadrupedal mammals), and the
-    costs of torque and power so that a machine of the same build has the same costs.
+    costs of torque and power are scaled so that a machine of the same build has the same costs.
     """
     mass = machine.mass / MASS_KG
     length = pose.reach_m / REACH_M
     time = length**0.5
     torque, power = TORQUE / (mass * length) ** 2, POWER / (mass * length / time)
-    ranges = {name: [BEYOND * end for end in ends] for name, ends in vars(commands).items()}
+    ranges = {name: [RANGE_FACTOR * bound for bound in bounds] for name, bounds in vars(commands).items()}
     gait = (
         f"  gait: {{name: {gait_name}, frequency_hz: {FREQUENCY_HZ / time:.3g}}}\n"
         if gait_name

@@ -27,9 +27,9 @@ from footfall.robots.importer.source import (
 COMPILER = {"fusestatic": "false", "discardvisual": "true", "balanceinertia": "true", "strippath": "false"}
 PACKAGE = "package://"
 SMALLEST_INERTIA = 1e-9  # kg m^2
-SMALLEST_RADIUS_M = 1e-3  # of gyration
-NO_SIZE = 1e-3  # m, of the geom that replaces a mesh
-NO_MASS = 1e-9  # kg, and kg m^2
+SMALLEST_RADIUS_M = 1e-3  # smallest radius of gyration
+NO_SIZE = 1e-3  # m, size of the geom that replaces a mesh
+NO_MASS = 1e-9  # kg and kg m^2, of a link without mass
 MOMENTS = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
 
 
@@ -52,13 +52,13 @@ def read_urdf(path: Path, root: ET.Element, packages: tuple[Path, ...]) -> Sourc
         guesses.append(f"physically impossible inertias were corrected: {', '.join(corrected)}")
     coupled = frozenset(j.get("name", "") for j in root.findall("joint") if j.find("mimic") is not None)
     limits = {j.get("name", ""): _limit(j, path) for j in root.findall("joint")}
-    taken = list(_take_meshes(root, path, packages))
+    meshes = list(_take_meshes(root, path, packages))
     _remove_unused(root)
     try:
         spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     except (ValueError, mujoco.FatalError) as error:
         raise UserError(f"{path}: {one_line(error)}") from None
-    in_place_of = [spec.body(link).add_geom(size=[NO_SIZE, 0.0, 0.0]) for link, _ in taken]
+    placeholders = [spec.body(link).add_geom(size=[NO_SIZE, 0.0, 0.0]) for link, _ in meshes]
     name_everything(spec)
     free_the_base(spec, path)
     model = compiled(spec, path)
@@ -67,7 +67,7 @@ def read_urdf(path: Path, root: ET.Element, packages: tuple[Path, ...]) -> Sourc
         path=path,
         model=model,
         self_collisions=False,
-        meshes={geom.name: points for geom, (_, points) in zip(in_place_of, taken, strict=True)},
+        meshes={geom.name: points for geom, (_, points) in zip(placeholders, meshes, strict=True)},
         peak_torque_nm={n: limit.effort_nm for n, limit in limits.items() if limit.effort_nm},
         speed_rad_s={n: limit.speed_rad_s for n, limit in limits.items() if limit.speed_rad_s},
         coupled=coupled,
@@ -87,12 +87,12 @@ def _visuals_for_collisions(root: ET.Element, path: Path) -> Iterator[str]:
     """Use visual geometry for collisions if no link has collision geometry."""
     if root.find("link/collision") is not None:
         return
-    seen = root.findall("link/visual")
-    if not seen:
+    visuals = root.findall("link/visual")
+    if not visuals:
         raise UserError(
             f"{path}: no link has a collision or visual geometry, so nothing can touch the ground"
         )
-    for visual in seen:
+    for visual in visuals:
         visual.tag = "collision"
     yield "no link has a collision geometry: visual geometry was taken"
 
@@ -106,8 +106,8 @@ def _repair_inertias(root: ET.Element, path: Path) -> Iterator[str]:
         inertial = link.find("inertial")
         mass = inertial.find("mass") if inertial is not None else None
         entry = inertial.find("inertia") if inertial is not None else None
-        weight = _vector(f"{mass.get('value', 0)} 0 0", path)[0] if mass is not None else 0.0
-        if inertial is None or mass is None or entry is None or not weight > 0.0:
+        mass_kg = _vector(f"{mass.get('value', 0)} 0 0", path)[0] if mass is not None else 0.0
+        if inertial is None or mass is None or entry is None or not mass_kg > 0.0:
             if inertial is not None:
                 link.remove(inertial)
             link.append(_negligible_inertial())
@@ -115,11 +115,11 @@ def _repair_inertias(root: ET.Element, path: Path) -> Iterator[str]:
         xx, yy, zz = _vector(" ".join(entry.get(name, "0") for name in ("ixx", "iyy", "izz")), path)
         xy, xz, yz = _vector(" ".join(entry.get(name, "0") for name in ("ixy", "ixz", "iyz")), path)
         moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        min_moment = weight * SMALLEST_RADIUS_M**2
+        min_moment = mass_kg * SMALLEST_RADIUS_M**2
         if moments[0] < min_moment:
-            raised = axes @ np.diag(np.maximum(moments, min_moment)) @ axes.T
+            repaired = axes @ np.diag(np.maximum(moments, min_moment)) @ axes.T
             for name, (row, column) in MOMENTS.items():
-                entry.set(name, repr(float(raised[row, column])))
+                entry.set(name, repr(float(repaired[row, column])))
         if moments[0] < min_moment or moments[2] > moments[0] + moments[1] + SMALLEST_INERTIA:
             yield link.get("name", "")
 
@@ -163,9 +163,9 @@ def _placed(points: np.ndarray, origin: ET.Element | None, path: Path) -> np.nda
     """Points (k, 3) transformed by a URDF's origin; its angles are about the fixed axes x, y, z, in order."""
     if origin is None:
         return points
-    turn = np.empty(4)
-    mujoco.mju_euler2Quat(turn, _vector(origin.get("rpy", "0 0 0"), path), "XYZ")
-    return points @ rotation_of(turn).T + _vector(origin.get("xyz", "0 0 0"), path)
+    quaternion = np.empty(4)
+    mujoco.mju_euler2Quat(quaternion, _vector(origin.get("rpy", "0 0 0"), path), "XYZ")
+    return points @ rotation_of(quaternion).T + _vector(origin.get("xyz", "0 0 0"), path)
 
 
 def _vector(text: str, path: Path) -> np.ndarray:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from footfall.common.errors import UserError
-from footfall.common.in_time import in_time
+from footfall.common.in_time import call_in_time
 from footfall.common.outputs import write_json
 from footfall.deploy.process_end import handling
 from footfall.exit_status import BAD_INPUT
@@ -49,7 +49,7 @@ def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[]
             f"the run ended: {', '.join([figures['final_state'], *figures['faults']])}",
         ]
         line = "; ".join(filter(None, parts))
-        in_time(lambda: print(f"footfall: {line}", file=sys.stderr, flush=True))
+        call_in_time(lambda: print(f"footfall: {line}", file=sys.stderr, flush=True))
         return (status or BAD_INPUT) if lost else status
 
 
@@ -69,7 +69,7 @@ def _show_in_time(show: Callable[[], None]) -> BaseException | None:
         show()
         sys.stdout.flush()
 
-    error = in_time(act)
+    error = call_in_time(act)
     if error is not None and not isinstance(error, TimeoutError):
         discard_output()
     return error

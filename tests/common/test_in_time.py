@@ -2,7 +2,7 @@
 
 import threading
 
-from footfall.common.in_time import in_time
+from footfall.common.in_time import call_in_time
 
 
 def test_a_call_that_ends_returns_none_or_its_error() -> None:
@@ -11,8 +11,8 @@ def test_a_call_that_ends_returns_none_or_its_error() -> None:
     def fail() -> None:
         raise wrong
 
-    assert in_time(lambda: None) is None
-    assert in_time(fail) is wrong
+    assert call_in_time(lambda: None) is None
+    assert call_in_time(fail) is wrong
 
 
 def test_a_call_that_does_not_end_is_a_timeout() -> None:
@@ -25,7 +25,7 @@ def test_a_call_that_does_not_end_is_a_timeout() -> None:
         ended.wait()
 
     try:
-        assert isinstance(in_time(wait, 0.01), TimeoutError)
+        assert isinstance(call_in_time(wait, 0.01), TimeoutError)
     finally:  # a command line in this process would not flush its output while it waits
         ended.set()
         began.wait()

@@ -20,7 +20,7 @@ from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import SimulatedMotors
 from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot, load_robot
-from footfall.robots.winding import Winding, allowed, warmed
+from footfall.robots.winding import Winding, torque_share, warmed
 from footfall.train.config import load_preset
 
 CONFIG = load_preset("smoke").env
@@ -60,7 +60,7 @@ class TestModel:
 
     def test_the_current_limit_falls_between_two_temperatures(self, heated: Robot) -> None:
         for temperature_c, share in ((25.0, 1.0), (80.0, 1.0), (90.0, 0.75), (120.0, 0.0), (150.0, 0.0)):
-            left = allowed(np.full(N, temperature_c), winding_of(heated))
+            left = torque_share(np.full(N, temperature_c), winding_of(heated))
             np.testing.assert_allclose(left, share, rtol=1e-12)
 
     def test_a_motor_without_current_cools_to_the_air(self, heated: Robot) -> None:
@@ -69,7 +69,7 @@ class TestModel:
 
     def test_without_derating_a_hot_motor_has_its_full_torque(self, go1: Robot) -> None:
         winding = winding_of(warm(go1, derating_c=None))
-        np.testing.assert_array_equal(allowed(np.full(N, 500.0), winding), 1.0)
+        np.testing.assert_array_equal(torque_share(np.full(N, 500.0), winding), 1.0)
 
 
 class TestDeclaration:

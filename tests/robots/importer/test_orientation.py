@@ -8,7 +8,7 @@ from foreign_robots import BIPED_MJCF, read
 from footfall.common.errors import UserError
 from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.limbs import base_of
-from footfall.robots.importer.orientation import side_letters, turned
+from footfall.robots.importer.orientation import side_letters, with_base_axes
 
 
 def renamed(text: str) -> str:
@@ -49,7 +49,7 @@ class TestTurned:
         With the option the machine equals that of the file with z up.
         """
         upright = read(tmp_path, BIPED_MJCF)
-        lying = turned(upright, base_of(upright.model), "x", "-y")
+        lying = with_base_axes(upright, base_of(upright.model), "x", "-y")
         with pytest.raises(UserError, match="--up"):
             build_machine(lying, "m")
         machine, guesses = build_machine(lying, "m", forward="x", up="y")

@@ -21,7 +21,7 @@ MAX_NAME_BYTES = 80  # bytes of a name; the kernel accepts 107
 
 
 @contextmanager
-def held(name: str, what: str) -> Iterator[None]:
+def locked(name: str, what: str) -> Iterator[None]:
     """Hold a lock while the context lasts. Only Linux has locks; elsewhere this does nothing.
 
     Args:
