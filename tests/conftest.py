@@ -37,7 +37,7 @@ from lowering import share_contexts
 from recorder import Recorder
 from shell import Shell
 
-from footfall.common import held
+from footfall.common import locks
 from footfall.common.config import dump
 from footfall.policies.contract import Contract, Gait, Term
 from footfall.policies.gaits import find_gait
@@ -53,7 +53,7 @@ settings.load_profile("footfall")
 
 HERE = Path(__file__).parent
 
-held.NAMESPACE = f"footfall-tests-{os.getpid()}"  # tests of another run hold buses of the same names
+locks.NAMESPACE = f"footfall-tests-{os.getpid()}"  # tests of another run hold buses of the same names
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -52,7 +52,7 @@ class TestCentre:
         dynamics = SimpleNamespace(
             centre=centre, middle=foot.mean(axis=0), centre_velocity=np.array(velocity)
         )
-        return policy._centre(dynamics, 0.6)  # type: ignore[arg-type]
+        return policy._centre_acceleration(dynamics, 0.6)  # type: ignore[arg-type]
 
     def test_the_pressure_lies_beyond_the_capture_point_within_its_limit(self, policy: Balance) -> None:
         """Capture point x = c + v / w, pressure p = 1.5 x up to 0.2 m, and acceleration w^2 (c - p)."""
