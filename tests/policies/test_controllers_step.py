@@ -97,7 +97,7 @@ def seen(time_s: float = 9.0, command: Any = STILL, **more: Any) -> PolicyInput:
 
 def desired_by(policy: Step, monkeypatch: pytest.MonkeyPatch, inputs: PolicyInput, dynamics: Any) -> tuple:
     """Arguments of whole-body control with dynamics by hand."""
-    monkeypatch.setattr(controller_module, "observed", lambda body, given: dynamics)
+    monkeypatch.setattr(controller_module, "estimated_dynamics", lambda body, given: dynamics)
     return whole_body_arguments(policy, monkeypatch, inputs)
 
 

@@ -118,7 +118,7 @@ class TestFeetInTheMiddle:
     def file(self, monkeypatch: pytest.MonkeyPatch) -> None:
         hop = {"duty": 0.6, "left": [0.1], "right": [0.2], "middle": [0.3, 0.4, 0.5]}
         limp = hop | {"left": [0.1, 0.7], "middle": [0.3, 0.4]}
-        monkeypatch.setattr(gaits, "_file", lambda: {5: {"hop": hop, "limp": limp}})
+        monkeypatch.setattr(gaits, "_gaits_by_feet", lambda: {5: {"hop": hop, "limp": limp}})
 
     def test_feet_in_the_middle_plane_have_their_own_phases_from_front_to_back(self, go1: Robot) -> None:
         """A foot a millimetre beside the plane belongs to a side."""
