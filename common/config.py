@@ -90,7 +90,7 @@ def _reason(error: BaseException, expected: type | None) -> str:
     """Why one value was refused: the error's own message, if it has one."""
     if isinstance(error, ForbiddenExtraKeysError):
         return no_setting(sorted(map(str, error.extra_fields)), [field.name for field in fields(error.cl)])
-    if isinstance(error, AttributeError | TypeError) and is_dataclass(expected):  # the value is no mapping
+    if isinstance(error, AttributeError | TypeError) and is_dataclass(expected):  # the value is not a mapping
         return "expected a mapping of settings"
     if type(error) in (ValueError, Exception) and str(error):
         return " ".join(str(error).split())
@@ -204,9 +204,9 @@ def takes_other_keys(rest: str) -> Callable[[type[T]], type[T]]:
         def from_plain(data: Any, _: type) -> T:
             if not isinstance(data, dict):
                 raise ValueError(f"expected a mapping of settings, found {_shown(data)}")
-            own = {key: value for key, value in data.items() if key in names}
+            known = {key: value for key, value in data.items() if key in names}
             others = {str(key): value for key, value in data.items() if key not in names}
-            return structure_fields(own | {rest: others}, cls)
+            return structure_fields(known | {rest: others}, cls)
 
         def to_plain(config: T) -> dict[str, Any]:
             plain = unstructure_fields(config)

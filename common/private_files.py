@@ -32,7 +32,7 @@ def write_private(path: Path, content: bytes) -> None:
     """Write a file that `read_private` accepts, and its folder if there is none.
 
     Raises:
-        NotPrivateError: the folder is another user's, or others may write to it.
+        NotPrivateError: the folder belongs to another user, or others may write to it.
         OSError: it cannot be written.
     """
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

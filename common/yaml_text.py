@@ -40,13 +40,13 @@ class _Checks(Composer):
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         node = super().compose_mapping_node(anchor)
-        seen = set()
+        keys = set()
         for key, _ in node.value:  # checked before merge keys are expanded: own keys may replace merged ones
             if key.tag not in _KEYS:
                 raise _refused(f"the key {key.value} is neither text nor a whole number", key)
-            if key.value in seen:
+            if key.value in keys:
                 raise _refused(f"the key {key.value} is repeated", key)
-            seen.add(key.value)
+            keys.add(key.value)
         self._count(node, [part for pair in node.value for part in pair])
         return node
 

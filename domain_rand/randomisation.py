@@ -123,7 +123,7 @@ class Randomisation:
     ambient_k: Distribution | None = quantity(  # of the air, beyond 25 degrees Celsius
         kinds.SCALAR, OFFSET, lower=-100.0, upper=100.0, winding=adds_to("ambient")
     )
-    winding_rise_k: Distribution | None = quantity(  # initial, above the air's, each joint
+    winding_rise_k: Distribution | None = quantity(  # initial temperature above that of the air, each joint
         kinds.JOINT_AMOUNTS, OFFSET, lower=0.0, upper=200.0, winding=adds_to("start_rise")
     )
     winding_heating: Distribution | None = quantity(  # thermal resistance times copper loss, each joint
@@ -249,10 +249,10 @@ def randomisation_of(robot: Robot) -> Randomisation:
     Raises:
         UserError: the robot's `randomisation.yaml` is malformed.
     """
-    own = robot.folder / OWN_FILE
-    if not own.is_file():
+    path = robot.folder / OWN_FILE
+    if not path.is_file():
         return load_randomisation()
-    return structure(with_changes(read_yaml(DEFAULT), own), Randomisation, f"{own} over {DEFAULT}")
+    return structure(with_changes(read_yaml(DEFAULT), path), Randomisation, f"{path} over {DEFAULT}")
 
 
 def default_ranges() -> dict[str, tuple[float, float]]:

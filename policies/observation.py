@@ -179,7 +179,7 @@ def observation(history: Array, contract: Contract) -> Array:
     parts, start = [], 0
     for term in contract.observation:
         stop = start + term_size(term, contract)
-        kept = history[..., history.shape[-2] - term.history :, start:stop]
-        parts.append(kept.reshape((*history.shape[:-2], -1)))
+        values = history[..., history.shape[-2] - term.history :, start:stop]
+        parts.append(values.reshape((*history.shape[:-2], -1)))
         start = stop
     return xp.concat(parts, axis=-1)

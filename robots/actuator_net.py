@@ -113,7 +113,7 @@ def load_net(path: Path, joints: tuple[str, ...]) -> ActuatorNet:
 
     Args:
         path: NPZ of `save_net`.
-        joints: the robot's, in joint order.
+        joints: names of the robot's joints, in joint order.
 
     Raises:
         UserError: there is no such file, or it does not fit the robot.

@@ -129,7 +129,7 @@ def overreach(description: Description, action_scale: np.ndarray, span: np.ndarr
     """Joints that an action of 1 would move by more than their range.
 
     Args:
-        description: the robot's.
+        description: description of the robot.
         action_scale: position target per unit of action, rad, (n,).
         span: each joint's range, rad, (n,).
     """

@@ -70,11 +70,12 @@ def find_feet(model: mujoco.MjModel, description: Description, own_path: Path) -
         for foot in feet
     ]
     if any((geoms < 0).any() for geoms in found):
-        own = load_spec(own_path).compile()
-        expected, actual = (in_default_pose(each, description) for each in (own, model))
+        own_model = load_spec(own_path).compile()
+        expected, actual = (in_default_pose(each, description) for each in (own_model, model))
         for foot, geoms in zip(feet, found, strict=True):
             for index in np.flatnonzero(geoms < 0):
-                expected_centre = _from_last_joint(own, expected, foot, own.geom(foot.geoms[index]).id)
+                own_geom = own_model.geom(foot.geoms[index]).id
+                expected_centre = _from_last_joint(own_model, expected, foot, own_geom)
                 geoms[index] = _nearest(model, actual, foot, expected_centre)
     return tuple(_unique(geoms[geoms >= 0]) for geoms in found)
 

@@ -29,9 +29,9 @@ class ForwardKinematics:
     def __init__(self, description: Description, xml_path: Path, order: LimbOrder) -> None:
         """Raises UserError if a limb has joints other than hinges."""
         spec = load_spec(xml_path)
-        own = spec.compile()
+        original = spec.compile()
         for foot in description.feet:
-            geoms = [own.geom(name) for name in foot.geoms]
+            geoms = [original.geom(name) for name in foot.geoms]
             tip = np.mean([geom.pos for geom in geoms], axis=0)
             spec.geom(foot.geoms[0]).parent.add_site(name=_tip_name(foot.name), pos=tip)
         self.model = model = spec.compile()
@@ -100,16 +100,16 @@ class ForwardKinematics:
         data.qpos[self._addresses] = 0.0
         mujoco.mj_kinematics(self.model, data)
         limbs = []
-        for own, hinges, tip in zip(self._order.joints_of, self._hinges, self.tips, strict=True):
-            at = hinges[: len(own)]
+        for joints, hinges, tip in zip(self._order.joints_of, self._hinges, self.tips, strict=True):
+            ids = hinges[: len(joints)]
             limbs.append(
                 Limb(
-                    anchor=data.xanchor[at],
-                    axis=data.xaxis[at],
+                    anchor=data.xanchor[ids],
+                    axis=data.xaxis[ids],
                     tip=data.site_xpos[tip].copy(),
-                    lower=self.model.jnt_range[at, 0],
-                    upper=self.model.jnt_range[at, 1],
-                    default=default_pose[own],
+                    lower=self.model.jnt_range[ids, 0],
+                    upper=self.model.jnt_range[ids, 1],
+                    default=default_pose[joints],
                 )
             )
         return limbs

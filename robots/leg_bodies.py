@@ -21,8 +21,8 @@ def leg_of_bodies(model: mujoco.MjModel, legs: Sequence[Sequence[str]]) -> np.nd
     uses = Counter(joint for joints in legs for joint in joints)
     leg_of_body = np.full(model.nbody, NO_LEG)
     for leg, joints in enumerate(legs):
-        own = [int(model.joint(joint).bodyid[0]) for joint in joints if uses[joint] == 1]
-        leg_of_body[own] = leg
+        own_bodies = [int(model.joint(joint).bodyid[0]) for joint in joints if uses[joint] == 1]
+        leg_of_body[own_bodies] = leg
     for body in range(1, model.nbody):  # parents come first
         if leg_of_body[body] == NO_LEG:
             leg_of_body[body] = leg_of_body[model.body_parentid[body]]

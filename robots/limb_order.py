@@ -13,10 +13,10 @@ class LimbOrder:
         self.joints_of = description.foot_joints  # of each limb, from the base outwards
         self.count = len(self.joints_of)
         self.hinges = max(map(len, self.joints_of))
-        self.present = np.array([[k < len(own) for k in range(self.hinges)] for own in self.joints_of])
+        self.present = np.array([[k < len(limb) for k in range(self.hinges)] for limb in self.joints_of])
         self.uniform = bool(self.present.all())  # whether all limbs have the same number of hinges
         # A missing hinge gets the index of the limb's first one; `present` is False.
-        self.joints = np.array([[*own, *[own[0]] * (self.hinges - len(own))] for own in self.joints_of])
+        self.joints = np.array([[*limb, *[limb[0]] * (self.hinges - len(limb))] for limb in self.joints_of])
         self._flat_joints = as_slice(self.joints.ravel())
         # Whether the robot's joints are exactly the limbs' joints, one limb after another.
         self._in_order = self.uniform and self._flat_joints == slice(0, len(description.joints), 1)

@@ -24,7 +24,7 @@ class Link(NamedTuple):
     joint: str = ""
     kind: str = FIXED
     position: np.ndarray = np.zeros(3)  # m, of the joint in the parent's frame, (3,)
-    rotation: np.ndarray = np.eye(3)  # from the link's frame to the parent's, joint at zero, (3, 3)
+    rotation: np.ndarray = np.eye(3)  # from the link's to the parent's frame, joint at zero, (3, 3)
     axis: np.ndarray = np.zeros(3)  # in the link's frame, (3,)
     body: int = -1  # id of its MuJoCo body; -1 for a frame without a body
     body_origin: np.ndarray = np.zeros(3)  # m, of that body in the link's frame, (3,)

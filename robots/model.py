@@ -205,8 +205,9 @@ def ground_friction(model: mujoco.MjModel, robot: Robot) -> np.ndarray:
     """
     feet = [geoms[0] for geoms in foot_geoms(model, robot.description)]  # the geoms of one foot are identical
     floor = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)[0]
-    own, ground = model.geom_friction[feet, 0], model.geom_friction[floor, 0]
-    return np.where(model.geom_priority[feet] > model.geom_priority[floor], own, np.maximum(own, ground))
+    of_feet, of_floor = model.geom_friction[feet, 0], model.geom_friction[floor, 0]
+    has_priority = model.geom_priority[feet] > model.geom_priority[floor]
+    return np.where(has_priority, of_feet, np.maximum(of_feet, of_floor))
 
 
 def _check_plant(spec: mujoco.MjSpec, robot: Robot, path: Path) -> None:

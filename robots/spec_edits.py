@@ -47,9 +47,9 @@ def let_feet_decide(floor: mujoco.MjsGeom, feet: list[mujoco.MjsGeom]) -> None:
 
 def add_floor(spec: mujoco.MjSpec, contact_bits: int = ALL_CONTACTS) -> mujoco.MjsGeom:
     """Add an infinite plane at height 0; it is named `FLOOR` unless another geom has this name."""
-    taken = any(geom.name == FLOOR for geom in spec.geoms)
+    name_exists = any(geom.name == FLOOR for geom in spec.geoms)
     return spec.worldbody.add_geom(
-        name="" if taken else FLOOR,
+        name="" if name_exists else FLOOR,
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0, 0, 1],
         contype=contact_bits,

@@ -14,7 +14,7 @@ def in_default_pose(model: mujoco.MjModel, description: Description) -> mujoco.M
     Joints that `robot.yaml` does not list keep their initial position of the MJCF.
 
     Args:
-        model: model with the robot's joint names; its first free joint is the base's.
+        model: model with the robot's joint names; its first free joint belongs to the base.
         description: description of the robot.
     """
     return _in_pose(model, {joint.name: joint.default_rad for joint in description.joints})

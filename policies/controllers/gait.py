@@ -158,9 +158,9 @@ class StepClock:
             self.walking = self._waited_s > self._lead_s
         if not self.walking:
             return
-        before = self.phase
-        self.phase = (before + dt_s / self.timing.period_s) % 1.0
-        if not walk and not np.any(self._swinging(before) & self._swinging(self.phase)):
+        previous = self.phase
+        self.phase = (previous + dt_s / self.timing.period_s) % 1.0
+        if not walk and not np.any(self._swinging(previous) & self._swinging(self.phase)):
             # Every swing has ended: the next ones wait at this phase.
             self.walking, self._waited_s = False, 0.0
 

@@ -89,7 +89,7 @@ def applied_gradient(gradient: np.ndarray, deadband: float, limit: float) -> np.
 
 
 def plane_quaternion(gradient: np.ndarray) -> np.ndarray:
-    """Smallest rotation (4,), w x y z, from the world's axes to those of a plane: z to its normal."""
+    """Smallest rotation (4,), w x y z, from the world's axes to those of a plane, whose z is its normal."""
     x, y = gradient.tolist()
     cosine = 1.0 / math.sqrt(1.0 + x * x + y * y)
     turn = np.array([1.0 + cosine, y * cosine, -x * cosine, 0.0])

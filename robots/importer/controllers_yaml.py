@@ -161,10 +161,11 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
 
 def controllers_yaml(walking: Walking, gaits: Sequence[str]) -> str:
     """The text of `controllers.yaml`, without controllers whose gait is not among the robot's."""
-    kept = {name: section for name, section in walking.sections.items() if _gait(section) in (None, *gaits)}
+    names = [name for name, section in walking.sections.items() if _gait(section) in (None, *gaits)]
+    sections = {name: walking.sections[name] for name in names}
     head = f"# Settings of the hand-written controllers (policies/controllers/): those of {walking.origin},\n"
     head += "# scaled by mass, height and feet. Not tuned.\n"
-    return head + yaml.safe_dump(kept, sort_keys=False, default_flow_style=None, width=110)
+    return head + yaml.safe_dump(sections, sort_keys=False, default_flow_style=None, width=110)
 
 
 def _immediate_stepping(step: dict[str, Any]) -> dict[str, Any]:
@@ -195,7 +196,7 @@ def _gait(section: dict[str, Any]) -> str | None:
 
 
 def _scaled(value: Any, key: str, source: Size, target: Size) -> Any:
-    """A copy of a setting, recursively, with numbers scaled from one robot's size to another's."""
+    """A copy of a setting, recursively, with numbers scaled from one size of robot to another."""
     if isinstance(value, dict):
         return {name: _scaled(each, f"{key}.{name}", source, target) for name, each in value.items()}
     if isinstance(value, list):

@@ -197,7 +197,7 @@ def _about_leg_pairs(pairs: Sequence[tuple[str, str]]) -> str:
 
 
 def _name(folder: Path) -> str:
-    """The robot's name: the folder's, with invalid characters replaced."""
+    """The robot's name: that of the folder, with invalid characters replaced."""
     name = "".join(c if c.isalnum() or c in "-_" else "_" for c in folder.resolve().name)
     return name or "robot"
 

@@ -64,7 +64,7 @@ def value_for(joint: str, values: ByJoint) -> float | None:
 def with_armature(machine: Machine, peak: Mapping[str, float], given: ByJoint) -> tuple[Machine, list[str]]:
     """The machine with a reflected inertia for each joint, and the guesses.
 
-    The inertia is the given value, or else the file's, or else proportional to the peak torque
+    The inertia is the given value, or else the value in the file, or else proportional to the peak torque
     (`ARMATURE_PER_TORQUE`).
     """
     estimated: list[str] = []
@@ -89,10 +89,10 @@ def with_armature(machine: Machine, peak: Mapping[str, float], given: ByJoint) -
 
 
 def peak_torques(machine: Machine, source: Source, given: ByJoint, reach_m: float) -> dict[str, float]:
-    """Peak torque of each joint, N m: the given one, or else the file's.
+    """Peak torque of each joint, N m: the given one, or else the one in the file.
 
     Raises:
-        UserError: a joint has none, or the file's is implausible for a machine of this weight.
+        UserError: a joint has none, or the value in the file is implausible for a machine of this weight.
     """
     peak = {}
     max_torque = MAX_LEVERAGE * machine.mass * GRAVITY_M_S2 * reach_m

@@ -105,11 +105,11 @@ class _Search:
             targets = [target + np.append(shift, 0.0) for target in targets]
 
     def _joints_of_no_leg(self) -> list[tuple[int, float, float]]:
-        own = {name for leg in self._machine.legs for name in leg.joints}
+        leg_joints = {name for leg in self._machine.legs for name in leg.joints}
         return [
             (int(self._model.joint(hinge.name).qposadr[0]), hinge.low, hinge.high)
             for hinge in self._machine.hinges
-            if hinge.name not in own
+            if hinge.name not in leg_joints
         ]
 
     def _lowest_of(self, leg: "LegSearch") -> np.ndarray:

@@ -75,5 +75,5 @@ def one_line(error: Exception) -> str:
 
 
 def _new_name(items: list, stem: str) -> str:
-    taken = {item.name for item in items}
-    return next(name for index in range(len(taken) + 1) if (name := f"{stem}{index or ''}") not in taken)
+    names = {item.name for item in items}
+    return next(name for index in range(len(names) + 1) if (name := f"{stem}{index or ''}") not in names)

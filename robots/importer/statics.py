@@ -88,7 +88,7 @@ def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, body: int, local: np.n
 def _unbalanced(
     model: mujoco.MjModel, qpos: np.ndarray, body_points: list[tuple[int, np.ndarray]], force: np.ndarray
 ) -> np.ndarray:
-    """Generalised force required for equilibrium, (nv,): gravity's minus the ground's."""
+    """Generalised force required for equilibrium, (nv,): against gravity, minus the ground's forces."""
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)

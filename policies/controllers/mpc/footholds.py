@@ -75,16 +75,16 @@ def contact_points(
     """
     first = np.where(contacts[0][:, None], feet, targets)
     points = first - centre[:, None]
-    later = _later(contacts.tobytes(), len(feet))
+    has_moved = _has_moved(contacts.tobytes(), len(feet))
     turned = np.exp(1j * yaw)[:, None] * (positions[:, 0] + 1j * positions[:, 1])
-    np.copyto(points[:, :, 0], turned.real, where=later)
-    np.copyto(points[:, :, 1], turned.imag, where=later)
-    np.copyto(points[:, :, 2], -centre[:, 2:], where=later)
+    np.copyto(points[:, :, 0], turned.real, where=has_moved)
+    np.copyto(points[:, :, 1], turned.imag, where=has_moved)
+    np.copyto(points[:, :, 2], -centre[:, 2:], where=has_moved)
     return points
 
 
 @cache
-def _later(contacts: bytes, legs: int) -> np.ndarray:
+def _has_moved(contacts: bytes, legs: int) -> np.ndarray:
     """Whether each foot (steps, legs) has left the position of its first stance.
 
     The contacts are given as bytes, which `cache` can hash.

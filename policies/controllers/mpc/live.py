@@ -31,12 +31,13 @@ class LiveMpc:
             with naming("gaits"):
                 find_gait(name, robot)
         limit = config.max_attitude_rad
-        own = {
+        defaults = {
             "step_period_s": config.gait.period_s,
             "step_height_m": config.swing.height_m,
             "body_height_m": config.stance.height_m,
         }
-        self.spans = spans_around(own) | dict.fromkeys(("roll_rad", "pitch_rad"), Span(-limit, limit, 0.0))
+        attitude = dict.fromkeys(("roll_rad", "pitch_rad"), Span(-limit, limit, 0.0))
+        self.spans = spans_around(defaults) | attitude
         self.reset()
 
     def reset(self) -> None:

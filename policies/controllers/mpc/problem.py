@@ -124,7 +124,7 @@ class ForceProblems:
             contacts: (steps, legs) boolean, feet in stance during each step.
             feet: (steps, legs, 3) m, contact points relative to the centre of mass, heading frame.
             previous_force: (legs, 3) N, forces applied last, heading frame; 0 for feet in swing.
-            friction: coefficient that the forces may use; None: that of the settings.
+            friction: coefficient that the forces may use; None: the one in the settings.
             gravity: (3,) m/s^2, heading frame, whose z axis is the ground's normal.
         """
         pattern = self._pattern(contacts, friction or self._contact.friction)

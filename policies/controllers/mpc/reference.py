@@ -72,8 +72,8 @@ class Reference:
         return BodyState(pose, rate)
 
     def path(self, state: BodyState, reference: BodyState) -> np.ndarray:
-        """Centre of mass (steps, 3), m, in the middle of each step; its velocity decays to the
-        reference's."""
+        """Centre of mass (steps, 3), m, in the middle of each step; its velocity decays to
+        that of the reference."""
         (x, y, z), (forward, leftward, _) = state.pose[3:].tolist(), state.rate[3:].tolist()
         desired_x, desired_y, _ = reference.rate[0, 3:].tolist()
         rows = [[x, y, z], [desired_x, desired_y, 0.0], [forward - desired_x, leftward - desired_y, 0.0]]

@@ -10,7 +10,7 @@ MAX_OFFSET_M = 0.06  # a larger offset is due to a wrong torque, not to a load
 
 
 class CentreOffset:
-    """Mean offset of the true centre of mass from the model's, horizontal, over a time with both feet down.
+    """Mean horizontal offset of the true centre of mass from that of the model, while both feet are down.
 
     The legs' torques give the wrench of the ground on each foot, and so the centre of pressure p. A level
     body whose centre is c obeys c = p + c'' / w^2 + (L_y', -L_x') / (m g), with the pendulum's rate w and the

@@ -34,9 +34,9 @@ class JointTargets:
         goal = self._legs.scatter(self._legs.solve(tips), self._default)
         desired = self._start + share * (goal - self._start)
         # The tempo of a steady walk keeps its targets within this limit; a change of gait may exceed it.
-        before, limit = self._previous, self._max_step_rad
-        self._previous = position = clamped(desired, before - limit, before + limit)
-        velocity = (position - before) / self._dt_s
+        previous, limit = self._previous, self._max_step_rad
+        self._previous = position = clamped(desired, previous - limit, previous + limit)
+        velocity = (position - previous) / self._dt_s
         return JointCommand(
             position, velocity, self._kp, self._kd, self._legs.scatter(torque, self._no_torque)
         )

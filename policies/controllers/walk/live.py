@@ -47,7 +47,7 @@ def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
     Raises:
         UserError: no robot has a listed gait.
     """
-    own, known, fitting = config.gait, gait_names(), gaits_of(robot)
+    walk_gait, known, fitting = config.gait, gait_names(), gaits_of(robot)
     for name in config.gaits or ():
         if name not in known:
             raise UserError(f"gaits: no gait '{name}': there are {', '.join(known)}")
@@ -57,11 +57,11 @@ def all_gaits(robot: Robot, config: WalkConfig) -> dict[str, GaitConfig]:
         if isinstance(section, dict) and name == section.get("gait", {}).get("name")
     }
     gaits = {
-        name: GaitConfig(**settings.get(name, {"name": name, "period_s": own.period_s}))
+        name: GaitConfig(**settings.get(name, {"name": name, "period_s": walk_gait.period_s}))
         for name in (fitting if config.gaits is None else config.gaits)
         if name in fitting
     }
-    return gaits | {own.name: own}
+    return gaits | {walk_gait.name: walk_gait}
 
 
 class WalkSettings:
