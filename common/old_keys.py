@@ -23,6 +23,7 @@ CURRENT_KEYS = {
     "most_tilt_rad": "max_tilt_rad",
     "most_yaw_lead_rad": "max_yaw_lead_rad",
     "no_solution.most_s": "max_s",
+    "contact.damping_s": "damping",
     "battery.off_cell_v": "max_cell_deviation_v",
     "recovery.again_s": "same_fall_s",
     "recovery.asked": "on_request",

@@ -46,7 +46,6 @@ BY_KEY: dict[str, Unit] = {
     "stiffness": (0, 0, -2),
     "damping": (0, 0, -1),
     "momentum_damping": (0, 0, -1),
-    "contact.damping_s": (0, 0, -1),
     "heading.gain": (0, 0, -1),
     "standing_command": (0, 1, -1),
     "weights.position": (0, -2, 0),

@@ -19,6 +19,8 @@ def test_files_and_specs_with_old_keys_still_load(go1: Robot, tmp_path: Path) ->
         settings = load_settings(spec, go1)
         assert settings.contact.max_force_n == 150.0
         assert (settings.slope.max_gradient, settings.slope.deadband) == (0.4, 0.1)
+    wbc = load_settings("mpc-wbc@whole_body.contact.damping_s=3.0", go1)
+    assert wbc.whole_body.contact.damping == 3.0
     assert load_settings("trot@touch_down.inertia_doubt=0.3", go1).touch_down.inertia_uncertainty == 0.3
     file.write_text(
         "safety: {recovery: {asked: true}, battery: {least_share: 0.7, off_cell_v: 0.4}, "

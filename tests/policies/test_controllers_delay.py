@@ -27,7 +27,7 @@ def measured(delay_ticks: int, change_nm: float) -> int:
         delay.measure(readings(ROBOT, joint=position, torque=torque))
         wave = change_nm * np.sin(0.13 * tick + np.arange(JOINTS))
         sent.append(JointCommand(position, still, np.full(JOINTS, 20.0), np.full(JOINTS, 1.0), wave))
-        delay.sent(sent[-1])
+        delay.record(sent[-1])
     return delay.ticks
 
 
@@ -39,7 +39,7 @@ def test_the_delay_shows_in_the_reported_torques(delay_ticks: int) -> None:
 def test_velocity_changes_are_relative_to_the_acting_command() -> None:
     delay, rows = CommandDelay(ROBOT.motor, TICK_S), np.ones(JOINTS)
     for velocity in (1.0, 4.0, 9.0):
-        delay.sent(JointCommand(0.0 * rows, velocity * rows, rows, rows, 0.0 * rows))
+        delay.record(JointCommand(0.0 * rows, velocity * rows, rows, rows, 0.0 * rows))
     np.testing.assert_array_equal(delay.velocity_changes(), [5.0 * rows])  # a tick late: 9 is sent, 4 acts
 
 

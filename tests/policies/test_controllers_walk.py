@@ -94,7 +94,7 @@ class TestGaits:
         result = walk(policy, DirectPlant(ROBOT), lambda _: np.array([0.3, 0.0, 0.0]), 2.0)
         assert drift(result) < 0.01
         (note,) = policy.notes
-        assert note.startswith("trot: it does not walk, however short its strides are: the stability margin")
+        assert note.startswith("trot: the robot does not walk, however short its strides are: the stability")
         assert note.endswith("a shorter gait.period_s, a larger gait.duty or more stance.sway would help")
 
     def test_gait_and_steps_change_while_walking(self) -> None:

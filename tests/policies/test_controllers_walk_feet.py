@@ -53,7 +53,7 @@ class TestRolling:
 
     def test_a_rolling_foot_moves_at_its_share_of_v_plus_w_x_r(self) -> None:
         half = Footing(FEET, np.tile(0.5 * np.eye(2), (2, 1, 1)))
-        np.testing.assert_allclose(half.passing(VELOCITY, FEET[:, :2]), 0.5 * PASSING[:, :2])
+        np.testing.assert_allclose(half.passing_velocity(VELOCITY, FEET[:, :2]), 0.5 * PASSING[:, :2])
 
 
 class TestFoot:
@@ -218,5 +218,5 @@ class TestLimits:
     def test_a_body_too_high_for_its_legs_does_not_walk(self) -> None:
         pace = self.limits(1.0).pace(self.steady((0.01, 0.0, 0.0), height_m=1.0))
         assert pace.stride == 0.0
-        reason = "it does not walk, however short its strides are: feet would be out of the legs' reach"
+        reason = "the robot does not walk, however short its strides are: feet would be out of the legs' reach"
         assert pace.reason.startswith(reason)

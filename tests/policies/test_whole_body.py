@@ -41,7 +41,7 @@ CONFIG = WholeBodyConfig(
         posture=1e-3,
         force=1e-2,
     ),
-    Contact(friction=0.5, damping_s=5.0),
+    Contact(friction=0.5, damping=5.0),
     JointFeedback(kp=0.0, kd=1.0, memory_s=0.05, friction_compensation=0.0),
     NoSolutionConfig(fade_s=0.05, kd=3.0, max_s=0.02),
 )

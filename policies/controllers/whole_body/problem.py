@@ -47,11 +47,11 @@ class Contact:
     """Friction and damping of stance points."""
 
     friction: float  # friction coefficient that forces may use
-    damping_s: float  # 1/s: rate at which a moving stance point is slowed down
+    damping: float  # 1/s, rate at which a moving stance point is slowed down
 
     def __post_init__(self) -> None:
         require_positive(self, "friction")
-        require_not_negative(self, "damping_s")
+        require_not_negative(self, "damping")
 
 
 class Desired(NamedTuple):
@@ -188,7 +188,7 @@ class QuadraticPrograms:
         swing_rows = 6 * len(swinging)
         matrix = np.empty((num_forces + 3 + swing_rows + 6, acceleration.shape[1]))
         target = np.empty(len(matrix))
-        damping = self._contact.damping_s * jacobian.dot(dynamics.velocity)
+        damping = self._contact.damping * jacobian.dot(dynamics.velocity)
         drift = dynamics.point_drift[pattern.standing].ravel()
         np.multiply(jacobian.dot(acceleration), contact, out=matrix[:num_forces])
         target[:num_forces] = -contact * (drift + damping + jacobian.dot(offset))
