@@ -203,6 +203,30 @@ def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
     return tune.with_resources(trial, {"cpu": 0.1})
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_other_signals_end_a_sweep_as_ctrl_c_does(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+    """Ray replaces the handler of SIGTERM by one that aborts the process."""
+
+    def start(**_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+    def run_until_signal() -> None:
+        with sweep_module._ray(SweepConfig({})):
+            os.kill(os.getpid(), number)
+            time.sleep(1.0)
+
+    monkeypatch.setattr("ray.init", start)
+    monkeypatch.setattr("ray.shutdown", lambda: None)
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests themselves may run under nohup
+    try:
+        handlers = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+        with pytest.raises(KeyboardInterrupt):
+            run_until_signal()
+        assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == handlers
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 @long_test
 def test_an_interrupted_sweep_resumes(tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep_module, "_trainable", quick_trials)

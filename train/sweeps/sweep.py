@@ -5,7 +5,7 @@ import math
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -39,6 +39,7 @@ from footfall.train.sweeps.trial import RAY_METRICS, SPEED, STEPS, train_trial
 SETTINGS = "sweep.yaml"
 RESULTS = "results.csv"  # one row for each trial
 POINTS = "points.csv"  # one row for each point of the space, over its seeds
+ENDING = (signal.SIGTERM, signal.SIGHUP)  # signals that end a sweep as Ctrl-C does
 TUNE = "tune"  # Ray's own folder
 
 
@@ -120,23 +121,42 @@ def import_tune() -> ModuleType:
 def _ray(config: SweepConfig) -> Iterator[None]:
     import ray
 
+    main = threading.current_thread() is threading.main_thread()
+    previous = {number: signal.getsignal(number) for number in (signal.SIGINT, *ENDING)}
     environment = {}
     if 0.0 < config.gpus < 1.0:  # each trial's JAX would take three quarters of the memory
         environment["XLA_PYTHON_CLIENT_MEM_FRACTION"] = f"{0.9 * config.gpus:.3f}"
-    ray.init(
-        include_dashboard=False,
-        log_to_driver=False,
-        logging_level=logging.ERROR,
-        runtime_env={"env_vars": environment},
-    )
-    previous_handler = signal.getsignal(signal.SIGINT)
+    try:
+        ray.init(
+            include_dashboard=False,
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            runtime_env={"env_vars": environment},
+        )
+    except SystemExit:  # of Ray's own handler of SIGTERM, while it starts
+        raise KeyboardInterrupt from None
+    if main:
+        _end_like_ctrl_c(number for number in ENDING if previous[number] != signal.SIG_IGN)
     try:
         yield
     finally:
-        if threading.current_thread() is threading.main_thread():
-            # Tune leaves its own handler unless it was interrupted.
-            signal.signal(signal.SIGINT, previous_handler)
+        if main:
+            for number, handler in previous.items():
+                signal.signal(number, handler)  # Tune leaves its own handler unless it was interrupted
         ray.shutdown()
+
+
+def _end_like_ctrl_c(numbers: Iterable[int]) -> None:
+    """Let signals end a sweep as Ctrl-C does. Ray's own handler of SIGTERM would abort the process."""
+    handled = list(numbers)
+
+    def interrupt(*_: object) -> None:
+        for number in handled:  # `timeout` and a closing terminal send two signals
+            signal.signal(number, signal.SIG_IGN)
+        signal.raise_signal(signal.SIGINT)
+
+    for number in handled:
+        signal.signal(number, interrupt)
 
 
 def _check_first_trial(tune: ModuleType, config: SweepConfig) -> None:
