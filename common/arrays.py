@@ -30,6 +30,14 @@ def clamped(value: Array, lower: Array, upper: Array) -> Array:
     return xp.minimum(xp.maximum(value, lower), upper)
 
 
+def any_nonzero(values: np.ndarray) -> bool:
+    """Whether any value of a boolean or integer array is not zero.
+
+    For the few joints of a robot it takes a fifth of the time of `numpy.any`.
+    """
+    return bool(values.tobytes().strip(b"\0"))
+
+
 def as_slice(indices: np.ndarray) -> slice | np.ndarray:
     """Rising, evenly spaced indices as a slice, which NumPy indexes faster; others unchanged."""
     gaps = np.diff(indices)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from footfall.common.config import merged, read_yaml, require_between, structure
@@ -86,7 +87,7 @@ class DeployConfig:
                     f" for {self.motor_timeout_s:g} s (motor_timeout_s) disable themselves earlier"
                 )
 
-    @property
+    @cached_property  # a loop reads it in each tick
     def tick_us(self) -> int:
         return round(1e6 / self.joint_rate_hz)
 

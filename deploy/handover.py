@@ -96,7 +96,9 @@ class Handover:
 
     def due(self, now_us: int) -> bool:
         """Whether a policy step is due."""
-        return self.current.due(now_us) or (len(self.acting) > 1 and self.acting[1].due(now_us))
+        if self._next is None:
+            return self.current.due(now_us)
+        return any(policy.due(now_us) for policy in self.acting)
 
     def step(self, now_us: int, inputs: PolicyInput) -> np.ndarray:
         """One step of the acting policies whose step is due. Returns the decision (5, n).

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from footfall.common.arrays import clamped
+from footfall.common.arrays import any_nonzero, clamped
 from footfall.deploy.battery import NO_BATTERY, BatteryMonitor, BatteryState
 from footfall.deploy.drivers.driver import Driver, damping_alone
 from footfall.deploy.drivers.foot_force import FootForceReader
@@ -98,7 +98,7 @@ class JointLayer:
             self._target = approach(self._goal, self._target, self._step)
             self._encodable = self._encodable.copy()
             self._encodable[0] = self._target
-            self._arrived = not np.count_nonzero(self._target != self._goal)
+            self._arrived = not any_nonzero(self._target != self._goal)
         frames = self._send(self._clamped(self._encodable, self._weaker))
         if self._commanded_ticks:
             np.minimum(self._min_torque, self._possible, out=self._min_torque)
@@ -141,7 +141,7 @@ class JointLayer:
         position, velocity = joints[0], joints[1]
         demand = pd_torque(JointCommand.of(values), position, velocity)
         self._possible = possible = limit_torque(demand, velocity, motor)
-        if np.count_nonzero(demand != possible):
+        if any_nonzero(demand != possible):
             share = _share(possible, demand)
             values = values.copy()
             values[2:] *= share

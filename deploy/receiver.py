@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from footfall.common.arrays import any_nonzero
 from footfall.common.bounded_cache import BoundedCache
 from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.drivers.foot_force import FootForceReader
@@ -132,7 +133,7 @@ class Receiver:
     def _absorb_replies(self, frames: Frames, now_us: int) -> None:
         motor, values, error, temperature, voltage, arrived_us, current = self._driver.replies(frames)
         again = self._absorbed_us == now_us
-        before = self._error if again and np.count_nonzero(self._error) else None
+        before = self._error if again and any_nonzero(self._error) else None
         if isinstance(motor, slice):
             self._whole_batches += 1
             self.joints, self._error = values, error

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from footfall.common.arrays import any_nonzero
 from footfall.common.rotations import tilt
 from footfall.deploy.bus import Bus
 from footfall.deploy.command_source import Stop
@@ -98,8 +99,10 @@ class SignalSource:
         """
         joints, mode = self._joints, state.mode
         motor_us, imu_us, motor_error = joints.last_arrivals()
-        oldest = int(motor_us.argmin())
-        motor_silence_us, imu_silence_us = now_us - int(motor_us[oldest]), now_us - imu_us
+        arrived_us = motor_us.tolist()
+        oldest_us = min(arrived_us)
+        oldest = arrived_us.index(oldest_us)
+        motor_silence_us, imu_silence_us = now_us - oldest_us, now_us - imu_us
         now_s = now_us * 1e-6
         since_s = now_s - state.since_s
         implausible, start = None, NOTHING_AT_START
@@ -124,7 +127,7 @@ class SignalSource:
                 self._labels[oldest]
                 if motor_silence_us <= self._silence_us
                 else self._silent(motor_us, now_us, oldest),
-                self._error_of(motor_error) if np.count_nonzero(motor_error) else "",
+                self._error_of(motor_error) if any_nonzero(motor_error) else "",
             ),
             ImuSignals(
                 imu_silence_us * 1e-6,

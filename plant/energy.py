@@ -20,24 +20,23 @@ class EnergyMeter:
 
     def __init__(self, robot: Robot) -> None:
         self._loss = robot.copper_loss
-        self._rows = np.empty((64, 3, len(self._loss)))
-        self._count = 0
+        self._steps: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def add(self, torque: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
         """One physics step: motor torque at the joint, N m, joint velocity before and after it, rad/s; (n,).
 
+        The arrays must not change afterwards.
+
         Power uses the mean velocity: with the velocity before the step alone, damping would create power.
         """
-        if self._count == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
-        row = self._rows[self._count]
-        row[0], row[1], row[2] = torque, before, after
-        self._count += 1
+        self._steps.append((torque, before, after))
 
     def take(self) -> Power:
         """Mean power since the last call. The copper loss of a motor is R (torque / (gear ratio kt))^2."""
-        rows, steps = self._rows[: self._count], max(self._count, 1)
-        self._count = 0
+        if not self._steps:
+            return Power(0.0, 0.0, 0.0)
+        rows, steps = np.array(self._steps), len(self._steps)
+        self._steps.clear()
         torque = rows[:, 0]
         shaft = torque * (0.5 * (rows[:, 1] + rows[:, 2]))
         mechanical = float(np.add.reduce(shaft, axis=None)) / steps

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footfall.common.arrays import any_nonzero
 from footfall.deploy.config import MOTOR_TIMEOUT_S
 from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
@@ -160,7 +161,7 @@ class SimulatedMotors:
             readings: (3, n) position, velocity and torque that every motor would report now.
         """
         requests = self._end.requests(frames)
-        if np.count_nonzero(self.faults.silent):
+        if any_nonzero(self.faults.silent):
             requests = requests.take(~self.faults.silent[requests.motor], len(self.enabled))
         motor, values, kind = requests
         if not values.shape[1]:
@@ -250,10 +251,10 @@ class SimulatedMotors:
             )
         error, on = np.maximum(self.faults.error, self.faults.latched), self.enabled.copy()
         timed_out = self._watchdog.timed_out
-        if np.count_nonzero(timed_out):
+        if any_nonzero(timed_out):
             error = np.maximum(error, timed_out * np.asarray(self._end.timeout_error, np.uint64))
         report, stuck = Report(readings, error, on, self._reported_c(), self.supply), self.faults.stuck
-        if np.count_nonzero(stuck):
+        if any_nonzero(stuck):
             before = self._reported
             report = report._replace(
                 values=np.where(stuck, before.values, report.values),

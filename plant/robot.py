@@ -232,7 +232,7 @@ class SimulatedRobot:
             self._keep_still()
         else:
             self._engine.step()
-        after = self._qvel[joints]
+        after = self._qvel[joints].copy()
         self._energy.add(torque, velocity, after)
         if self.battery is not None:
             self.battery.add(torque, velocity, after)

@@ -3,6 +3,7 @@
 import math
 from collections import deque
 from enum import IntEnum
+from operator import add
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +47,9 @@ class _Batch:
         """Arrival time of each frame, us, (k,)."""
         if self._arrival is None:
             start = self._start
-            begun = np.array(start)[self.frames.channel] if isinstance(start, list) else start
+            begun = np.array(start)  # adding an array takes less time than adding a number
+            if isinstance(start, list):
+                begun = begun[self.frames.channel]
             self._arrival = begun + self._offset
         return self._arrival
 
@@ -133,7 +136,7 @@ class SimulatedWires:
             self._all_free_at = now_us + plan.longest
             return now_us
         start = [free_at if free_at > now_us else now_us for free_at in self._free_at]
-        self._free_at = [begun + taken for begun, taken in zip(start, plan.occupied, strict=True)]
+        self._free_at = list(map(add, start, plan.occupied))
         self._all_free_at = max(self._free_at)
         same = start.count(start[0]) == len(start)  # usually: all wires carry as many frames
         return start[0] if same else start

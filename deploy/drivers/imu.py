@@ -54,7 +54,7 @@ def encode(reading: Inertial, counter: int) -> np.ndarray:
         data = _packed(codes, count)
     except (struct.error, OverflowError, ValueError):  # out of range, infinite, or NaN
         data = _packed([max(-32768.0, min(32767.0, code)) for code in codes], count)
-    return np.frombuffer(data, dtype=np.uint8).reshape(3, 8)
+    return np.ndarray((3, 8), np.uint8, data)
 
 
 def _packed(codes: list[float], count: int) -> bytes:

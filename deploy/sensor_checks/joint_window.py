@@ -174,7 +174,6 @@ class JointWindows:
         half_s = 0.5e-6 * (arrived_us[1:] - arrived_us[:-1])
         travel = np.add.accumulate(half_s * (velocity[1:] + velocity[:-1]))
         mean = np.add.reduce(new) / count
-        _, mean_velocity, torque = mean
         # Each position minus the travel until then gives the start of the window. The mean has less noise.
         started = np.add.reduce(new[:, 0] - travel) / count
         position_error = started - self._ended
@@ -187,9 +186,9 @@ class JointWindows:
             travel=travel[-1],
             position_error=position_error,
             late_s=1e-6 * self._late_us(arrived_us[1:]),
-            speed=np.abs(mean_velocity),
+            speed=np.abs(mean[1]),
             jolts=self._jolts(velocity),
-            torque=torque,
+            torque=mean[2],
             strongest=np.maximum.reduce(np.abs(new[:, 2])),
             expected=np.add.reduce(_expected(last, before)) / count,
             stiffness=stiffness,

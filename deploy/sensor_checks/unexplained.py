@@ -127,10 +127,12 @@ class CommandsIgnored(JointCheck):
         readings = kp[old][:, None] * position
         readings += kd[old][:, None] * velocity
         shown = _deviation(torque + readings)
-        changed = _changed((commanded + readings)[:, :count])
-        at_mean = commanded + kp * (position - position.mean(axis=0)) + kd * velocity
-        commands_ignored: np.ndarray = ((changed - shown) / np.maximum(changed, self._min_change)).max(axis=0)
-        return np.where(_changed(at_mean[None, :count])[0] > self._min_change, commands_ignored, 0.0)
+        mean_position = np.add.reduce(position) / len(position)
+        at_mean = commanded + kp * (position - mean_position) + kd * velocity
+        changes = _changed(np.concatenate((commanded + readings, at_mean[None]))[:, :count])
+        changed, changed_at_mean = changes[:2], changes[2]
+        ignored = (changed - shown) / np.maximum(changed, self._min_change)
+        return np.where(changed_at_mean > self._min_change, np.maximum.reduce(ignored), 0.0)
 
 
 def _changed(values: np.ndarray) -> np.ndarray:

@@ -72,7 +72,7 @@ class MitMotorEnd(PolledMotorEnd):
         return motor, frames.data[rows]
 
     def reply(self, motor: Motors, report: Report) -> Frames:
-        tail = report.error | np.uint64(report.temperature_c << 8)
+        tail = report.error | np.array(report.temperature_c << 8, np.uint64)
         data = self._codec.encode_replies(motor, self._head[motor], report.values, tail)
         channel, identifier, _, length, _ = self._outgoing
         if isinstance(motor, slice):
