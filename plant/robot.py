@@ -91,7 +91,7 @@ class SimulatedRobot:
         """Raises UserError if plant, robot and sample do not fit, or for `lying` without a lying pose."""
         config = config or PlantConfig()
         sample = config.sample
-        plant = read_plant(robot, config.plant, replaced_by(config.ground))
+        plant = read_plant(robot, config.plant, replaced_by(config.ground), visual=False)
         _check_sample(sample, plant, robot)
         self.model, self.notes = plant.model, plant.notes
         apply_to_model(self.model, sample, body_map(self.model, robot))
