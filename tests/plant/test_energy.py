@@ -16,10 +16,8 @@ class TestEnergy:
         for steps in (200, 3, 64):
             torque, before, after = rng.normal(size=(3, steps, 12)) * 5.0
             velocity = (before + after) / 2
-            reused = np.zeros((3, 12))
             for row in zip(torque, before, after, strict=True):
-                reused[:] = row
-                meter.add(*reused)
+                meter.add(*row)
             power = meter.take()
             shaft = torque * velocity
             assert power.mechanical == pytest.approx(shaft.sum() / steps)

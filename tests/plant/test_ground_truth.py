@@ -75,7 +75,11 @@ class TestTruth:
         above = 7.0 - body.truth().foot_position[:, 2].min()
         layout = Layout(slice(7, 19), slice(6, 18), 0, 0)
         truth = GroundTruth(
-            read_plant(go1, visual=False), body.data, MujocoEngine(body.model, body.data), layout, above / share
+            read_plant(go1, visual=False),
+            body.data,
+            MujocoEngine(body.model, body.data),
+            layout,
+            above / share,
         )
         assert truth.fall() == ("the base sank to the height of the feet" if sunk else None)
 
