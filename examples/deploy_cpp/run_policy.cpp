@@ -1,6 +1,6 @@
 // Runs an exported policy in C++ from the contract in its ONNX file; the actions equal those of the Python loop.
 //
-//   apt install g++ libonnxruntime-dev nlohmann-json3-dev
+//   apt install g++ libonnxruntime-dev nlohmann-json3-dev    # Debian since 13
 //   g++ -std=c++17 -O2 run_policy.cpp -I/usr/include/onnxruntime -lonnxruntime -o run_policy
 //   ./run_policy policy.onnx < readings.txt
 //

@@ -159,8 +159,13 @@ def scaled_controllers(size: Size, feet: int, stiffest: float) -> Walking:
 
 
 def controllers_yaml(walking: Walking, gaits: Sequence[str]) -> str:
-    """The text of `controllers.yaml`, without controllers whose gait is not among the robot's."""
+    """The text of `controllers.yaml`, without controllers whose gait is not among the robot's.
+
+    `step` needs a left and a right foot, as every gait of two feet does.
+    """
     names = [name for name, section in walking.sections.items() if _gait(section) in (None, *gaits)]
+    if not gaits and "step" in names:
+        names.remove("step")
     sections = {name: walking.sections[name] for name in names}
     head = f"# Settings of the hand-written controllers (policies/controllers/): those of {walking.origin},\n"
     head += "# scaled by mass, height and feet. Not tuned.\n"
