@@ -1,4 +1,4 @@
-"""Velocity and height of the base: estimated at its own rate, or given by a simulation."""
+"""Velocity and height of the base: from an estimator with its own rate, or from a simulation."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,7 +11,9 @@ from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.policies.policy import Sensed
 
-BaseState = Callable[[], tuple[np.ndarray, float]]  # velocity of the base (3,) m/s, body frame, and height m
+BaseStateFunction = Callable[
+    [], tuple[np.ndarray, float]
+]  # velocity of the base (3,) m/s, body frame, and height m
 UNKNOWN = (np.full(3, np.nan), math.nan)
 ODOMETRY_EVERY_US = 20_000  # interval for the log
 POSE_EVERY_US = 20_000  # interval for the command source
@@ -46,10 +48,10 @@ class BaseEstimate:
     """Latest estimate: from an estimator, from `base_state`, or unknown without either."""
 
     def __init__(
-        self, rate_hz: float, estimator: Estimator | None = None, base_state: BaseState | None = None
+        self, rate_hz: float, estimator: Estimator | None = None, base_state: BaseStateFunction | None = None
     ) -> None:
         """`rate_hz`: minimum rate of the estimate; `base_state` replaces an estimator."""
-        self._every_us = round(1e6 / rate_hz)
+        self._period_us = round(1e6 / rate_hz)
         self._estimator, self._base_state = estimator, base_state
         self._updated_us = -1
         self._next_odometry_us = self._next_pose_us = 0
@@ -73,7 +75,7 @@ class BaseEstimate:
         if self._estimator is not None:
             self._estimator.start()
 
-    def lose(self) -> None:
+    def invalidate(self) -> None:
         """Set velocity and height to unknown after a fall, until the robot stands."""
         self.value = UNKNOWN
 
@@ -91,7 +93,7 @@ class BaseEstimate:
         """Whether an update is due: at the estimator's rate, and at each policy step."""
         if self._base_state is not None:
             return True
-        return self._estimator is not None and (step_due or now_us - self._updated_us >= self._every_us)
+        return self._estimator is not None and (step_due or now_us - self._updated_us >= self._period_us)
 
     def update(self, now_us: int, sensed: Sensed, runner: PolicyRunner) -> None:
         """Update the estimate with these readings, unless the policy fails to give its contact plan."""

@@ -90,18 +90,21 @@ class BatteryMonitor:
         reported = voltage[np.isfinite(voltage)]
         if reported.size:
             elapsed_s = (now_us - self._last_us) * 1e-6
-            self.state = self._state(elapsed_s, float(np.median(reported)), self._drawn(current, joints))
+            self.state = self._updated_state(
+                elapsed_s, float(np.median(reported)), self._drawn_current(current, joints)
+            )
             self._last_us = now_us
         return True
 
-    def _drawn(self, current: np.ndarray, joints: np.ndarray) -> float:
+    def _drawn_current(self, current: np.ndarray, joints: np.ndarray) -> float:
         """Current drawn from the pack, A."""
         _, velocity, torque = joints
         power_w = torque * velocity + self._loss * torque**2
         motor_currents = np.where(np.isfinite(current), current, power_w / self._battery.nominal_v)
         return float(motor_currents.sum()) + self._battery.idle_w / self._battery.nominal_v
 
-    def _state(self, elapsed_s: float, voltage_v: float, current_a: float) -> BatteryState:
+    def _updated_state(self, elapsed_s: float, voltage_v: float, current_a: float) -> BatteryState:
+        """State after a reading, `elapsed_s` after the previous one."""
         battery, limits = self._battery, self._limits
         drop_v = battery.internal_resistance_ohm * current_a
         measured = battery.charge_at(voltage_v + drop_v)
@@ -114,13 +117,15 @@ class BatteryMonitor:
             measured_error *= math.sqrt(limits.error_s / max(elapsed_s, limits.period_s))
             gain = error**2 / (error**2 + measured_error**2)
             charge, error = charge + gain * (measured - charge), math.sqrt(1.0 - gain) * error
-            new = min(1.0, elapsed_s / limits.smooth_s)
+            weight = min(1.0, elapsed_s / limits.smooth_s)
         else:
             charge, error = measured, error_v / battery.volts_per_charge(measured)
-            self._smooth_v, new = voltage_v, 0.0
+            self._smooth_v, weight = voltage_v, 0.0
         charge = min(max(charge, 0.0), 1.0)
-        self._smooth_v += new * (voltage_v - self._smooth_v)
-        self._deviation_v += new * (voltage_v + drop_v - battery.open_circuit_v(charge) - self._deviation_v)
+        self._smooth_v += weight * (voltage_v - self._smooth_v)
+        self._deviation_v += weight * (
+            voltage_v + drop_v - battery.open_circuit_v(charge) - self._deviation_v
+        )
         reserve = self._reserve(charge)
         return BatteryState(
             charge,
@@ -132,7 +137,7 @@ class BatteryMonitor:
         )
 
     def _reserve(self, charge: float) -> float:
-        """1 without limitation, 0 at the end of the run."""
+        """Reserve of the battery: 1 without limitation, 0 at the end of the run."""
         limits, battery = self._limits, self._battery
         by_charge = (charge - limits.empty_charge) / (limits.low_charge - limits.empty_charge)
         by_voltage = (self._smooth_v - battery.empty_v) / (battery.cells * limits.low_cell_v)

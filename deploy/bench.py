@@ -28,7 +28,7 @@ ZERO_TIMEOUT_S = 1.2  # some motors are silent for a second after their zero is 
 MAX_ZERO_ERROR_RAD = 0.1  # largest position after setting zero
 ZERO_TRIES = 3  # a frame may be lost
 # SIGTERM already raises KeyboardInterrupt, and so does SIGINT unless a script started the command with `&`.
-ENDING = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
+END_SIGNALS = (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 
 
 class MotorState(NamedTuple):
@@ -84,8 +84,8 @@ class Bench:
 
     def idle(self, seconds: float, each_tick: Callable[[], None]) -> None:
         """Keep motors enabled for a time: no stiffness, no damping, no torque."""
-        nothing = np.zeros((5, len(self._arrived_us)))
-        self._run(seconds, lambda: self._driver.command(nothing), each_tick)
+        zero_command = np.zeros((5, len(self._arrived_us)))
+        self._run(seconds, lambda: self._driver.command(zero_command), each_tick)
 
     def settle(self) -> str:
         """Wait with disabled motors until no joint moves; returns the first moving or silent one, or
@@ -96,8 +96,8 @@ class Bench:
 
     def _unsettled(self) -> str:
         moving = np.abs(self._values[1]) > MAX_REST_SPEED_RAD_S
-        moves = f"{self._wiring.label(int(moving.argmax()))} moves" if moving.any() else ""
-        return self.missing() or moves
+        text = f"{self._wiring.label(int(moving.argmax()))} moves" if moving.any() else ""
+        return self.missing() or text
 
     def clear(self) -> str:
         """Clear latched errors; returns why that is impossible, or an empty string."""
@@ -114,10 +114,10 @@ class Bench:
         for _ in range(ZERO_TRIES):
             self._run(0.0, self._driver.zero)
             self._run(ZERO_TIMEOUT_S, self._driver.disable)
-            elsewhere = np.abs(self._values[0]) > MAX_ZERO_ERROR_RAD
-            if not elsewhere.any():
+            not_zeroed = np.abs(self._values[0]) > MAX_ZERO_ERROR_RAD
+            if not not_zeroed.any():
                 return ""
-        return f"{self._wiring.label(int(elsewhere.argmax()))} did not set its zero"
+        return f"{self._wiring.label(int(not_zeroed.argmax()))} did not set its zero"
 
     def disable(self) -> None:
         """Disable the motors."""
@@ -193,14 +193,14 @@ def disabled_afterwards(bench: Bench) -> Iterator[None]:
     def end(*_: object) -> None:
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, end) for number in ENDING}
+    original = {number: signal.signal(number, end) for number in END_SIGNALS}
     try:
         yield
     finally:
-        endings = (signal.SIGTERM, *ENDING)
-        held = {number: signal.signal(number, signal.SIG_IGN) for number in endings}
+        signals = (signal.SIGTERM, *END_SIGNALS)
+        active = {number: signal.signal(number, signal.SIG_IGN) for number in signals}
         try:
             bench.disable()
         finally:
-            for number, handler in (held | before).items():
+            for number, handler in (active | original).items():
                 signal.signal(number, handler)

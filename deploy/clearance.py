@@ -38,7 +38,7 @@ class Clearance:
         if self._legs is None:
             return 0.0
         up = -projected_gravity(np.array(quaternion))
-        below = self._legs.pose(position).foot @ up
-        height = float(np.maximum.reduce(self._legs.foot_radius - below))
+        foot_height = self._legs.pose(position).foot @ up
+        height = float(np.maximum.reduce(self._legs.foot_radius - foot_height))
         base_below = -float(np.minimum.reduce(self._legs.base_corners @ up))
         return 1.0 - (height - base_below) / (self._standing_m - self._legs.base_below)

@@ -78,8 +78,8 @@ class WallClock:
         now = time.monotonic_ns()
         self._tick = max(self._tick + 1, (now - self._start_ns) // self._period_ns)
         due = self._start_ns + self._tick * self._period_ns
-        while (left := due - time.monotonic_ns()) > 0:
-            time.sleep(left * 1e-9)  # from Python 3.11 on an absolute, uninterrupted clock_nanosleep
+        while (remaining_ns := due - time.monotonic_ns()) > 0:
+            time.sleep(remaining_ns * 1e-9)  # from Python 3.11 on an absolute, uninterrupted clock_nanosleep
         self._late_ns = time.monotonic_ns() - due
         return self._tick * self._period_ns // 1000
 

@@ -42,30 +42,30 @@ class CommandLimits:
     def apply(self, command: np.ndarray) -> np.ndarray:
         """Command (3,) for the policy; the same array if nothing changes."""
         requested = command.tolist()
-        inside = [
+        within = [
             min(max(value, low), high) if math.isfinite(value) else 0.0
             for value, (low, high) in zip(requested, self._ranges, strict=True)
         ]
-        if inside == requested:
+        if within == requested:
             return command
-        for axis, (value, clipped) in enumerate(zip(requested, inside, strict=True)):
+        for axis, (value, clipped) in enumerate(zip(requested, within, strict=True)):
             if value != clipped and axis not in self._noted:
                 self._noted.add(axis)
                 self.notes.append(self._note(axis, value, clipped))
-        return np.array(inside)
+        return np.array(within)
 
     def reduce(self, command: np.ndarray, share: float) -> np.ndarray:
-        """Command within a share of the ranges, (3,). The smallest speed of a range still applies."""
+        """Command within a share of the ranges, (3,). A range without 0 keeps its smallest speed."""
         low, high = self._reduced.T
         lower = np.where(low > 0.0, low, share * low)
         upper = np.where(high < 0.0, high, share * high)
         return command.clip(lower, np.maximum(lower, upper))
 
-    def _note(self, axis: int, requested: float, given: float) -> str:
+    def _note(self, axis: int, requested: float, clipped: float) -> str:
         (name, unit), (low, high) = _AXES[axis], self._ranges[axis]
         if not math.isfinite(requested):
             return f"a {name} command of {requested:g} {unit} was replaced with 0"
         return (
             f"the policy was trained on {name} commands from {low:g} to {high:g} {unit}:"
-            f" {requested:g} was clipped to {given:g}"
+            f" {requested:g} was clipped to {clipped:g}"
         )

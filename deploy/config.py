@@ -52,7 +52,7 @@ class DeployConfig:
         require_between(self, 0.001, 60.0, "stand_s", "motor_timeout_s")
         require_between(self, 0.0, 60.0, "stop_s", "in_place_s")
         require_between(self, 1, 10_000, "host_queue")
-        require_between(self, 0.1, 100.0, "stand_kp_scale")  # with less it sinks instead of standing up
+        require_between(self, 0.1, 100.0, "stand_kp_scale")  # below 0.1 a robot sinks instead of standing up
         require_between(self, 0.0, 100.0, "stand_kd_scale")
         require_between(self, 0.01, 100.0, "pose_rate_rad_s", "stop_rate_rad_s", "sink_rate_rad_s")
         require_between(self, 0.0, 1.0, "sink_share")

@@ -9,7 +9,9 @@ from footfall.deploy.modes import Mode
 from footfall.deploy.sensor_checks.imu import ImuLimits
 from footfall.deploy.signals import Implausible
 
-AT_REST = np.array([0.0, 0.0, GRAVITY_M_S2])  # reading of an accelerometer at rest, world axes, m/s^2
+REST_ACCELERATION = np.array(
+    [0.0, 0.0, GRAVITY_M_S2]
+)  # reading of an accelerometer at rest, world axes, m/s^2
 
 
 class FirstRest:
@@ -39,7 +41,7 @@ class FirstRest:
             self._sum = self._sum + rotation_matrix(np.array(inertial.quaternion)) @ inertial.acceleration
             self._count += 1
 
-    def awaited(self, now_us: int) -> str:
+    def not_at_rest(self, now_us: int) -> str:
         """Why a robot with all readings is not ready; empty once it has been at rest long enough."""
         if self._since_us is None or now_us - self._since_us >= 1e6 * self._still_s:
             return ""
@@ -53,7 +55,7 @@ class FirstRest:
         """The fault if the mean acceleration differs too much from 1 g upward; None otherwise."""
         if not self._still_s or not self._count:
             return None
-        error = float(np.linalg.norm(self._sum / self._count - AT_REST) / AT_REST[2])
+        error = float(np.linalg.norm(self._sum / self._count - REST_ACCELERATION) / REST_ACCELERATION[2])
         if error <= self._limits.rest_error:
             return None
         fault = f"the IMU: at the start its acceleration differs from its quaternion's gravity by {error:.0%}"

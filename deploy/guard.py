@@ -55,13 +55,15 @@ class Guard(threading.Thread):
         self.join()
 
     def run(self) -> None:
-        left_s = self._limit_s
-        while not self._done.wait(left_s):
-            left_s = self._heartbeat() + self._limit_s - time.perf_counter()  # infinite before the first beat
-            if left_s < 0.0:
+        remaining_s = self._limit_s
+        while not self._done.wait(remaining_s):
+            remaining_s = (
+                self._heartbeat() + self._limit_s - time.perf_counter()
+            )  # infinite before the first tick
+            if remaining_s < 0.0:
                 self._take_over()
                 return
-            left_s = min(left_s, self._limit_s)
+            remaining_s = min(remaining_s, self._limit_s)
 
     def _take_over(self) -> None:
         self._taken_over.set()

@@ -60,7 +60,7 @@ class Handover:
         self.current.begin(0)
         self._next: TimedPolicy | None = None  # requested policy
         self._blends_since_us: int | None = None
-        self._requested_us = self._moved_us = 0
+        self._requested_us = self._last_moving_us = 0
 
     @property
     def leaving(self) -> bool:
@@ -110,7 +110,7 @@ class Handover:
         if len(self.policies) == 1:
             return self.current.act(now_us, inputs)
         if np.count_nonzero(inputs.command):
-            self._moved_us = now_us
+            self._last_moving_us = now_us
         if self._next is not None and self._blends_since_us is None and self._ready(now_us):
             self._blends_since_us = now_us
             self._next.begin(now_us)
@@ -139,7 +139,7 @@ class Handover:
     def _ready(self, now_us: int) -> bool:
         """Whether the robot stands, so that the next policy can start."""
         config = self._config
-        if now_us - self._moved_us < config.still_s * 1e6:
+        if now_us - self._last_moving_us < config.still_s * 1e6:
             return False
         plan = self.current.policy.stance()
         stands = plan is None or bool(np.min(plan) >= 1.0)
@@ -156,7 +156,7 @@ def blended(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
     both = np.array([first, second])
     result = np.einsum("p,prj->rj", weights, both)
     for row, gain in ((0, 2), (1, 3)):
-        pulls = result[gain] > 0.0
-        moment = np.einsum("p,pj->j", weights, both[:, gain] * both[:, row])
-        np.divide(moment, result[gain], out=result[row], where=pulls)
+        has_gain = result[gain] > 0.0
+        weighted_targets = np.einsum("p,pj->j", weights, both[:, gain] * both[:, row])
+        np.divide(weighted_targets, result[gain], out=result[row], where=has_gain)
     return result

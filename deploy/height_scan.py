@@ -10,7 +10,7 @@ from footfall.policies.height_scan import HeightScan, common_height_scan
 from footfall.policies.policy import Policy
 
 NONE_YET = "no height scan has arrived: the policy walks without one"
-LOST = "no height scan has arrived for {:g} s: the policy walks without one until the next"
+LOST = "no height scan has arrived for {:g} s: the policy walks without one until the next scan"
 WRONG_SIZE = "a height scan has {} heights, the policy needs {}: it is ignored"
 FAILED = "the source of height scans failed, the policy walks without them: {}"
 
@@ -41,34 +41,34 @@ class HeightScans:
 
     def __init__(self, scan: HeightScan, source: HeightScanSource) -> None:
         self._scan, self._source = scan, source
-        self._longest_us = scan.max_age_s * 1e6
-        self._begun_us: int | None = None
+        self._max_age_us = scan.max_age_s * 1e6
+        self._start_us: int | None = None
         self.notes: list[str] = []  # without repetition
 
     def fresh(self, now_us: int) -> np.ndarray | None:
         """Heights of the newest scan; None if there is none, it is too old, or from another grid."""
-        if self._begun_us is None:
-            self._begun_us = now_us
+        if self._start_us is None:
+            self._start_us = now_us
         try:
             scanned = self._source.newest(now_us)
-            trouble = self._trouble(scanned, now_us)
+            problem = self._problem(scanned, now_us)
         except Exception as error:  # of any type: the policy can walk without scans
-            scanned, trouble = None, FAILED.format(one_line(error))
-        if scanned is not None and not trouble:
+            scanned, problem = None, FAILED.format(one_line(error))
+        if scanned is not None and not problem:
             return scanned.heights
-        first_ones = now_us - self._begun_us <= self._longest_us
-        if trouble not in self.notes and not (scanned is None and first_ones):
-            self.notes.append(trouble)
+        starting = now_us - self._start_us <= self._max_age_us
+        if problem not in self.notes and not (scanned is None and starting):
+            self.notes.append(problem)
         return None
 
-    def _trouble(self, scanned: Scanned | None, now_us: int) -> str:
+    def _problem(self, scanned: Scanned | None, now_us: int) -> str:
         """Why a scan cannot be used; empty if it can."""
         if scanned is None:
             return NONE_YET
         if scanned.heights.shape != (self._scan.size,):
             return WRONG_SIZE.format(scanned.heights.size, self._scan.size)
-        fresh = 0 <= now_us - scanned.taken_us <= self._longest_us
-        return "" if fresh else LOST.format(self._scan.max_age_s)
+        recent = 0 <= now_us - scanned.taken_us <= self._max_age_us
+        return "" if recent else LOST.format(self._scan.max_age_s)
 
 
 def height_scans_of(policies: Sequence[Policy], source: HeightScanSource | None) -> HeightScans | None:

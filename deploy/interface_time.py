@@ -39,5 +39,5 @@ class Arrivals:
         No frame is older than the last read, even if the system's clock was set in between.
         """
         now_s = time.monotonic()
-        longest_s, self._read_s = now_s - self._read_s, now_s
-        return now_us - 1e6 * (time.time() - stamps_s).clip(0.0, longest_s)
+        max_age_s, self._read_s = now_s - self._read_s, now_s
+        return now_us - 1e6 * (time.time() - stamps_s).clip(0.0, max_age_s)

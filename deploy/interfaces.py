@@ -48,7 +48,7 @@ def open_interfaces(
 
 
 @contextmanager
-def robots_interfaces(kind: str, names: tuple[str, ...], filters: tuple[CanFilter, ...]) -> Iterator[Bus]:
+def locked_interfaces(kind: str, names: tuple[str, ...], filters: tuple[CanFilter, ...]) -> Iterator[Bus]:
     """Buses of a robot, locked for the one process that commands it (see `open_interfaces`).
 
     Raises:

@@ -35,7 +35,7 @@ class LastResort:
         self._driver, self._bus, self._clock, self._joints = driver, bus, clock, joints
         self._wiring, self._kd, self._tick_us = wiring, damping_kd, tick_us
         self._frames = cycle(driver.damping(np.full(len(wiring.joint_names), damping_kd)))
-        self._speeds_counted = False  # whether the frames respect the motors' limits at their speeds
+        self._reduced = False  # whether the damping was reduced to what motors can brake at their speeds
         self.silent_at_the_end: list[str] = []  # motors that did not reply when they were disabled
         self.on_at_the_end: list[str] = []  # motors that replied, but are enabled or report torque
 
@@ -44,8 +44,8 @@ class LastResort:
 
         If this cannot be computed, the frames are the prepared ones.
         """
-        if not self._speeds_counted:
-            self._speeds_counted = True
+        if not self._reduced:
+            self._reduced = True
             with suppress(BaseException):
                 self._frames = cycle(self._driver.damping(self._joints.possible_damping(self._kd)))
         return next(self._frames)
@@ -68,8 +68,8 @@ class LastResort:
             with suppress(BaseException):
                 self._joints.absorb(self._bus.receive(now_us), now_us)
             unanswered = self._joints.last_arrivals().motor_us < began_us + 2 * self._tick_us
-            pulls = self._joints.torque_share > MIN_TORQUE_SHARE
-            on = ~unanswered & (self._driver.not_confirmed_off() | pulls)
+            has_torque = self._joints.torque_share > MIN_TORQUE_SHARE
+            on = ~unanswered & (self._driver.not_confirmed_off() | has_torque)
             self.silent_at_the_end, self.on_at_the_end = self._labels(unanswered), self._labels(on)
             if not self.silent_at_the_end and not self.on_at_the_end:
                 return
@@ -84,5 +84,5 @@ class LastResort:
 def in_one_line(error: BaseException) -> str:
     """An exception in one line, with its position in the source."""
     last = traceback.extract_tb(error.__traceback__)[-1]
-    described = ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
-    return f"{described} ({Path(last.filename).name}, line {last.lineno})"
+    text = ": ".join(filter(None, [type(error).__name__, " ".join(str(error).split())]))
+    return f"{text} ({Path(last.filename).name}, line {last.lineno})"

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from footfall.deploy.estimation.contact import GRAVITY_M_S2
+from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.robots.description import Robot
 from footfall.robots.momentum import upward_force
@@ -23,10 +23,10 @@ class LegAttitude:
 
     def __init__(self, robot: Robot, limits: SensorLimits) -> None:
         """Raises UserError for a robot whose limbs are not legs."""
-        self._legs, self._settled_s = robot.legs, limits.resting_s
+        self._legs, self._settle_s = robot.legs, limits.resting_s
         even_force = GRAVITY_M_S2 * self._legs.mass / self._legs.count
         self._loaded = limits.loaded_share * even_force
-        self._min_spread = (MIN_SPREAD * robot.description.standing_height_m) ** 2
+        self._min_variance = (MIN_SPREAD * robot.description.standing_height_m) ** 2
         self.reset()
 
     def reset(self) -> None:
@@ -34,7 +34,7 @@ class LegAttitude:
         self.slope = 0.0  # rad, between the plane of the feet and the IMU's level
         self.turn = 0.0  # rad, rotation of the base since these feet stand, by the IMU minus by the legs
         self._standing = b""  # feet that carry the robot
-        self._first: np.ndarray | None = None  # up minus normal when these feet started to stand
+        self._first_difference: np.ndarray | None = None  # up minus normal when these feet started to stand
         self._stood_s = 0.0
 
     def update(self, position: np.ndarray, torque: np.ndarray, up: np.ndarray, elapsed_s: float) -> None:
@@ -53,13 +53,13 @@ class LegAttitude:
             self.reset()
             return
         difference = up - normal
-        if self._first is None or standing.tobytes() != self._standing:
+        if self._first_difference is None or standing.tobytes() != self._standing:
             self.reset()
-            self._standing, self._first = standing.tobytes(), difference
+            self._standing, self._first_difference = standing.tobytes(), difference
             return
         self._stood_s += elapsed_s
-        self.turn = float(np.linalg.norm(difference - self._first))
-        if self._stood_s >= self._settled_s:
+        self.turn = float(np.linalg.norm(difference - self._first_difference))
+        if self._stood_s >= self._settle_s:
             self.slope = 2.0 * math.asin(min(1.0, 0.5 * float(np.linalg.norm(difference))))
 
     def _force(self, position: np.ndarray, torque: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -74,9 +74,9 @@ class LegAttitude:
             return None
         legs = self._legs
         points = (legs.pose(position).foot - legs.foot_radius[:, None] * up)[standing]
-        spread = points - points.mean(axis=0)
-        spreads, axes = np.linalg.eigh(spread.T @ spread / len(spread))
-        if spreads[1] < self._min_spread:
+        centred = points - points.mean(axis=0)
+        variances, axes = np.linalg.eigh(centred.T @ centred / len(centred))
+        if variances[1] < self._min_variance:
             return None
         normal: np.ndarray = axes[:, 0]
         return normal if normal[2] >= 0.0 else -normal

@@ -74,33 +74,33 @@ class McapLog:
         """
         self._target = f"the feed {feed}" if path is None else f"the log {path}"
         self._may_wait = may_wait
-        self._held = ExitStack()
+        self._locks = ExitStack()
         try:
             with ExitStack() as opened:
                 listener = None if feed is None else self._listen(feed, opened)
                 file = None if path is None else self._open(path, opened)
                 self._process = _start(file, listener)
         except OSError as error:
-            self._held.close()
+            self._locks.close()
             raise UserError(f"cannot write {self._target}: {error.strerror or error}") from None
         except UserError:
-            self._held.close()
+            self._locks.close()
             raise
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         if self._process.stdout.readline().strip() != READY.encode():
-            self._held.close()
+            self._locks.close()
             raise UserError(f"cannot write {self._target}: the process that writes it does not start")
         self._pipe = self._process.stdin.fileno()
         os.set_blocking(self._pipe, may_wait)
         self._waiting = bytearray()
-        self._left_out = 0
+        self._dropped = 0
         self._health: tuple[bytes, ...] | None = None  # latest written state
         self._battery: BatteryState | None = None  # latest written state
         self._broken = False
-        self._missing: str | None = None
+        self._missing_parts: str | None = None
         self._begun = False
-        about = {
+        first_record = {
             "joints": list(robot.joint_names),
             "readings": sensed_sizes(len(robot.joint_names), robot.foot_sensors),
             "inputs": input_sizes(len(robot.joint_names), robot.foot_sensors),
@@ -114,20 +114,20 @@ class McapLog:
             "store": None if store is None else [str(store.folder), store.max_bytes],
             "path": None if path is None else str(path),
         }
-        self._about = json.dumps(about).encode()
+        self._first_record = json.dumps(first_record).encode()
 
     def _open(self, path: Path, opened: ExitStack) -> int:
         """Descriptor of a log's file, locked against other runs."""
         file = opened.enter_context(os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT, 0o666), "wb"))
         if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            self._held.enter_context(locked(lock_name(path), f"the log {path}"))
+            self._locks.enter_context(locked(lock_name(path), f"the log {path}"))
             file.truncate()
         return file.fileno()
 
     def _listen(self, feed: Path, opened: ExitStack) -> int:
         """Descriptor of a feed's listening socket."""
         listener = opened.enter_context(listen(feed))
-        self._held.callback(feed.unlink, missing_ok=True)
+        self._locks.callback(feed.unlink, missing_ok=True)
         return listener.fileno()
 
     # -- called by the loop --------------------------------------------------------------------------
@@ -135,7 +135,7 @@ class McapLog:
     def begin(self, start_ns: int) -> None:
         """Start the log; called first. `start_ns` is the Unix time of time zero, ns."""
         self._begun = True
-        self._put(record(Kind.BEGIN, 0, START.pack(start_ns) + self._about))
+        self._put(record(Kind.BEGIN, 0, START.pack(start_ns) + self._first_record))
 
     def tick(self, now_us: int, sensed: Sensed, motors: MotorHealth, commanded: np.ndarray | None) -> None:
         """Log the readings of a joint tick, and the sent command (5, n); None if none was sent.
@@ -174,11 +174,11 @@ class McapLog:
         """Log an operator's order."""
         self._put(record(Kind.ORDER, now_us, order.to_json().encode()))
 
-    def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
+    def odometry(self, now_us: int, odometry: Odometry, footholds: np.ndarray | None = None) -> None:
         """Log the estimated motion of the base, and the footholds of a policy that plans them, (feet, 3)
         m."""
-        records = record(Kind.ODOMETRY, now_us, odometry_numbers(found).tobytes())
-        records += record(Kind.CONTACTS, now_us, found.contact.tobytes())
+        records = record(Kind.ODOMETRY, now_us, odometry_numbers(odometry).tobytes())
+        records += record(Kind.CONTACTS, now_us, odometry.contact.tobytes())
         if footholds is not None:
             records += record(Kind.FOOTHOLDS, now_us, footholds.tobytes())
         self._put(records)
@@ -222,13 +222,13 @@ class McapLog:
 
     def close(self) -> str:
         """End the file. Returns a line on missing parts; empty if it is complete."""
-        if self._missing is None:
+        if self._missing_parts is None:
             try:
-                self._missing = self._close()
+                self._missing_parts = self._close()
             except OSError as error:  # no free file descriptor or thread
-                self._missing = f"{self._target} may lack its end: {error.strerror or error}"
-            self._held.close()
-        return self._missing
+                self._missing_parts = f"{self._target} may lack its end: {error.strerror or error}"
+            self._locks.close()
+        return self._missing_parts
 
     def _close(self) -> str:
         if self._begun and not self._broken:
@@ -243,8 +243,8 @@ class McapLog:
         if self._process.returncode:
             why = reason.decode().strip() or "the process that writes it failed"
             return f"{self._target} is truncated: {why}"
-        if self._left_out:
-            return f"{self._target} lacks {self._left_out} ticks or policy steps: the disk was too slow"
+        if self._dropped:
+            return f"{self._target} lacks {self._dropped} ticks or policy steps: the disk was too slow"
         return ""
 
     # -- into the pipe -------------------------------------------------------------------------------
@@ -253,7 +253,7 @@ class McapLog:
         if self._broken:
             return
         if len(self._waiting) > MAX_WAITING_BYTES:
-            self._left_out += 1
+            self._dropped += 1
             self._health = None  # a dropped record may have a change
         else:
             self._waiting += records
@@ -273,9 +273,9 @@ def _start(file: int | None, feed: int | None) -> "subprocess.Popen[bytes]":
     Args:
         file, feed: descriptors of the log's file and of the feed's listening socket; None for none.
     """
-    given = [NONE if each is None else str(each) for each in (file, feed)]
+    arguments = [NONE if each is None else str(each) for each in (file, feed)]
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "footfall.deploy.telemetry.process", *given],
+        [sys.executable, "-P", "-m", "footfall.deploy.telemetry.process", *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         pass_fds=[each for each in (file, feed) if each is not None],

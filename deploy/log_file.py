@@ -120,7 +120,7 @@ def _decoder(channel: Any, schemas: dict[int, Any]) -> Decoder | None:
         return None
 
 
-def definitions_first(found: Iterable[Any]) -> list[Any]:
+def definitions_first(all_records: Iterable[Any]) -> list[Any]:
     """Records with the definitions of messages first, each kind in its order.
 
     A definition comes before the first message that needs it, and again at the end of a file: so a lost
@@ -128,7 +128,7 @@ def definitions_first(found: Iterable[Any]) -> list[Any]:
     """
     from mcap.records import Channel, Schema
 
-    return sorted(found, key=lambda record: not isinstance(record, (Schema, Channel)))
+    return sorted(all_records, key=lambda record: not isinstance(record, (Schema, Channel)))
 
 
 def records(path: Path, damage: Damage) -> Iterator[Any]:
@@ -148,17 +148,17 @@ def records(path: Path, damage: Damage) -> Iterator[Any]:
         raise UserError(f"cannot read the log {path}: {error.strerror or error}") from None
     with file:
         reader = StreamReader(file, emit_chunks=True, record_size_limit=LARGEST_RECORD)
-        source, begun = iter(reader.records), False
+        source, started = iter(reader.records), False
         while True:
             try:
                 record = next(source)
             except StopIteration:
                 return
             except Exception:  # a truncated file fails in many ways
-                if not begun:
+                if not started:
                     raise UserError(f"{path} is not an MCAP file") from None
                 return
-            begun = True
+            started = True
             if not isinstance(record, Chunk):
                 yield record
                 continue

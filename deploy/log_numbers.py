@@ -6,7 +6,7 @@ from footfall.deploy.estimation.odometry import VELOCITY, YAW, Odometry
 from footfall.policies.policy import PolicyInput, Sensed
 from footfall.robots.readings import sensed_sizes
 
-_PLACE_AND_YAW = [0, 1, 2, 5]  # indices of x, y, z and yaw in (x, y, z, roll, pitch, yaw)
+_POSITION_AND_YAW = [0, 1, 2, 5]  # indices of x, y, z and yaw in (x, y, z, roll, pitch, yaw)
 
 
 def flatten(inputs: PolicyInput) -> np.ndarray:
@@ -44,19 +44,26 @@ def unflatten(values: np.ndarray, joints: int, scan_points: int = 0, foot_sensor
         raise ValueError(f"{len(values)} numbers do not match the policy input of {joints} joints")
     time_s, *rest, scan = np.split(values, np.cumsum(sizes))
     *sensed, command, velocity, height = rest
-    found = scan if len(scan) else None
-    return PolicyInput(float(time_s[0]), Sensed(*sensed), command, velocity, float(height[0]), found)
+    height_scan = scan if len(scan) else None
+    return PolicyInput(float(time_s[0]), Sensed(*sensed), command, velocity, float(height[0]), height_scan)
 
 
-def odometry_numbers(found: Odometry) -> np.ndarray:
+def odometry_numbers(odometry: Odometry) -> np.ndarray:
     """Numbers of a nav_msgs/Odometry, (85,): see `messages.odometry`.
 
     Covariances of roll, pitch and angular velocity are zero: they are not estimated.
     """
-    w, x, y, z = found.orientation
+    w, x, y, z = odometry.orientation
     pose, twist = np.zeros((6, 6)), np.zeros((6, 6))
-    pose[np.ix_(_PLACE_AND_YAW, _PLACE_AND_YAW)] = found.covariance[: YAW + 1, : YAW + 1]
-    twist[:3, :3] = found.covariance[VELOCITY, VELOCITY]
+    pose[np.ix_(_POSITION_AND_YAW, _POSITION_AND_YAW)] = odometry.covariance[: YAW + 1, : YAW + 1]
+    twist[:3, :3] = odometry.covariance[VELOCITY, VELOCITY]
     return np.concatenate(
-        [found.position, [x, y, z, w], pose.ravel(), found.velocity, found.angular_velocity, twist.ravel()]
+        [
+            odometry.position,
+            [x, y, z, w],
+            pose.ravel(),
+            odometry.velocity,
+            odometry.angular_velocity,
+            twist.ravel(),
+        ]
     )

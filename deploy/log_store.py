@@ -52,20 +52,20 @@ class LogStore(NamedTuple):
         """
         logs = [path for path in self.folder.iterdir() if NAME.fullmatch(path.name) and not path.is_symlink()]
         found = sorted((path.stat().st_mtime, path.stat().st_size, path) for path in logs if path.is_file())
-        taken = sum(size for _, size, _ in found)
+        used = sum(size for _, size, _ in found)
         for _, size, path in found:
-            if taken <= self.max_bytes - self.part_bytes:
+            if used <= self.max_bytes - self.part_bytes:
                 return
             with suppress(UserError, OSError):  # a run writes it, or it was deleted
                 with locked(lock_name(path), f"the log {path}"):
                     path.unlink()
-                taken -= size
+                used -= size
 
 
 def lock_name(path: Path) -> str:
     """Name of the lock of a log's writer."""
-    there = path.stat()
-    return f"log/{there.st_dev}:{there.st_ino}"
+    status = path.stat()
+    return f"log/{status.st_dev}:{status.st_ino}"
 
 
 def next_part(path: Path) -> Path:

@@ -257,7 +257,7 @@ class ControlLoop:
         if state is before or (state.mode is before.mode and state.faults == before.faults):
             return
         if before.mode is Mode.WALKING:
-            self.walked_s = self.walking_s - self.recovery.away_s
+            self.walked_s = self.walking_s - self.recovery.recovery_s
         if note := self.recovery.follow(before, state):
             self._runner.steering.note(note)
         if self._log is not None:

@@ -31,21 +31,21 @@ class ModeActions:
         self._driver, self._damping_kd = driver, damping_kd
         self._joints, self._signals, self._estimate = joints, signals, estimate
         self._postures, self._runner, self._wiring_check = postures, runner, wiring_check
-        self._unfolds = False  # after a fall, until the get-up policy starts
+        self._unfolding = False  # after a fall, until the get-up policy starts
 
     def begin(self, before: State, state: State, now_us: int, sensed: Sensed) -> None:
         """Start the mode of `state` at this time, with these readings; the previous mode was a different
         one."""
-        mode, recovers = state.mode, before.mode is Mode.RECOVERING
+        mode, was_recovering = state.mode, before.mode is Mode.RECOVERING
         if before.mode is Mode.IDLE and mode in HELD:
             self._joints.begin_at(sensed.joint_position)
             self._signals.begin_checks(now_us)
             self._estimate.reset(now_us, sensed)
         if mode is Mode.STANDING:
-            measured = recovers or before.mode is Mode.IDLE
-            start = sensed.joint_position if measured else self._joints.target
+            from_measured = was_recovering or before.mode is Mode.IDLE
+            start = sensed.joint_position if from_measured else self._joints.target
             self._postures.stand_up(start, sensed.quaternion)
-            if recovers:
+            if was_recovering:
                 self._estimate.stood_up(now_us, sensed)
         elif mode is Mode.CHECKING and self._wiring_check is not None:
             self._wiring_check.begin(self._joints.target, sensed)
@@ -54,9 +54,9 @@ class ModeActions:
         elif mode is Mode.RECOVERING:
             self._joints.begin_at(sensed.joint_position)
             self._signals.begin_checks(now_us, again=True)
-            self._estimate.lose()
+            self._estimate.invalidate()
             self._postures.unfold(sensed.joint_position)
-            self._runner.decision, self._unfolds = None, True
+            self._runner.decision, self._unfolding = None, True
         elif mode is Mode.WALKING and before.tries:
             self._runner.walk_on(now_us)
         elif mode is Mode.WALKING:
@@ -68,11 +68,11 @@ class ModeActions:
 
         After a fall the get-up policy starts once the robot has unfolded.
         """
-        if state.mode is not Mode.RECOVERING or not self._unfolds:
+        if state.mode is not Mode.RECOVERING or not self._unfolding:
             return state.mode in COMMANDED
         if not self._postures.unfolded(now_us * 1e-6 - state.since_s):
             return False
-        self._unfolds = False
+        self._unfolding = False
         self._runner.get_up(now_us)
         return True
 

@@ -135,7 +135,7 @@ class PolicyRunner:
         self._notes_logged = len(notes)
 
     def status(
-        self, now_us: int, state: State, known: tuple[np.ndarray, float, Pose], battery: BatteryState
+        self, now_us: int, state: State, estimate: tuple[np.ndarray, float, Pose], battery: BatteryState
     ) -> Status:
         """Snapshot of the run, for the command source.
 
@@ -153,7 +153,7 @@ class PolicyRunner:
             state.mode,
             self._policies.current.policy.name,
             self._command,
-            *known,
+            *estimate,
             state.faults,
             self.notes,
             steering.offer,
@@ -203,7 +203,7 @@ class PolicyRunner:
         try:
             return self._policies.stance()
         except FAILURES as error:
-            self._failed(error)
+            self._note_failure(error)
             return None
 
     def footholds(self) -> np.ndarray | None:
@@ -214,7 +214,7 @@ class PolicyRunner:
         try:
             return policy.footholds()
         except FAILURES as error:
-            self._failed(error)
+            self._note_failure(error)
             return None
 
     def poll(self, now_us: int, run: Run) -> None:
@@ -222,7 +222,7 @@ class PolicyRunner:
         try:
             self.steering.poll(now_us, run, follow=False)
         except FAILURES as error:
-            self._failed(error)
+            self._note_failure(error)
 
     def step(
         self,
@@ -245,7 +245,7 @@ class PolicyRunner:
         try:
             try:
                 self._arm(self._limit_s)
-                given, decision = self._decide(now_us, run, sensed, estimate, walking)
+                inputs, decision = self._decide(now_us, run, sensed, estimate, walking)
             finally:
                 self._arm(0.0)
                 if os.getpid() != self._process:  # a forked copy must not control the robot
@@ -254,7 +254,7 @@ class PolicyRunner:
             self.signals = self.signals._replace(step_s=math.inf)
             return None
         except FAILURES as error:
-            self._failed(error)
+            self._note_failure(error)
             return None
         finite = math.isfinite(np.add.reduce(decision, axis=None))
         took_s = time.perf_counter() - started
@@ -265,7 +265,7 @@ class PolicyRunner:
             self.signals = self.signals._replace(command_finite=finite, late_steps=late, step_s=took_s)
         elif finite is not self.signals.command_finite:
             self.signals = self.signals._replace(command_finite=finite)
-        return given, decision
+        return inputs, decision
 
     def _decide(
         self,
@@ -283,13 +283,13 @@ class PolicyRunner:
             steering.refresh(policies.current.policy)
         self._command = ZERO_COMMAND if policies.leaving else steering.command
         scan = None if self._height_scans is None else self._height_scans.fresh(now_us)
-        given = PolicyInput(walked_us * 1e-6, sensed, self._command, *estimate, scan)
+        inputs = PolicyInput(walked_us * 1e-6, sensed, self._command, *estimate, scan)
         before = policies.current
-        decision = policies.step(walked_us, given)
+        decision = policies.step(walked_us, inputs)
         if policies.current is not before:
             steering.serve(policies.current.policy.name)
         self._applied = applied_of(policies.current.policy)
-        return given, decision
+        return inputs, decision
 
-    def _failed(self, error: BaseException) -> None:
+    def _note_failure(self, error: BaseException) -> None:
         self.signals = self.signals._replace(error=f"the policy failed: {type(error).__name__}: {error}")

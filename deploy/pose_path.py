@@ -20,17 +20,17 @@ class PosePath:
             min_s: shortest time between two poses, s.
         """
         self._poses = np.array(poses)
-        ways = np.abs(np.diff(self._poses, axis=0)).max(axis=1, initial=0.0)
+        travel_rad = np.abs(np.diff(self._poses, axis=0)).max(axis=1, initial=0.0)
         # A cosine's peak speed is pi / 2 times its mean speed.
-        self._lasts_s = np.maximum(0.5 * math.pi * ways / np.array(rates_rad_s), min_s).tolist()
-        self.duration_s = float(sum(self._lasts_s))
+        self._durations_s = np.maximum(0.5 * math.pi * travel_rad / np.array(rates_rad_s), min_s).tolist()
+        self.duration_s = float(sum(self._durations_s))
 
     def at(self, time_s: float) -> np.ndarray:
         """Joint positions (n,), rad; the first pose before the start, the last pose after the end."""
-        for leg, lasts_s in enumerate(self._lasts_s):
-            if time_s < lasts_s:
-                start, goal = self._poses[leg : leg + 2]
-                share = smooth_rise(time_s, lasts_s)
+        for segment, duration_s in enumerate(self._durations_s):
+            if time_s < duration_s:
+                start, goal = self._poses[segment : segment + 2]
+                share = smooth_rise(time_s, duration_s)
                 return start + share * (goal - start)
-            time_s -= lasts_s
+            time_s -= duration_s
         return self._poses[-1]

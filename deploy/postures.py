@@ -49,7 +49,7 @@ class Postures:
         # Share of the path from standing (0) to lying (1) that comes first, and its rate in rad/s. After
         # stopping, raised feet are put down first. While walking the base is lowered first, or the robot
         # pitches over.
-        self._first = {
+        self._first_segment = {
             MotionBefore.STOPPED: (0.0, min(config.stop_rate_rad_s, limit)),
             MotionBefore.WALKING: (config.sink_share, min(config.sink_rate_rad_s, limit)),
         }
@@ -57,7 +57,7 @@ class Postures:
         self._stiff = config.stand_kp_scale * robot.kp, config.stand_kd_scale * robot.kd
         self._soft = SOFT * robot.kp, SOFT**0.5 * robot.kd  # the same damping ratio
         self._gains = self._stiff
-        self._fastest = limit
+        self._max_rate = limit
         self._path = PosePath([self._standing], [])
         self._carried_s = 0.0
 
@@ -94,8 +94,8 @@ class Postures:
             return
         self._gains, self._levelling_active = self._stiff, False
         poses, rates = [target, self._lying], [self._rate]
-        if before in self._first:
-            share, rate = self._first[before]
+        if before in self._first_segment:
+            share, rate = self._first_segment[before]
             poses.insert(1, self._standing + share * (self._lying - self._standing))
             rates.insert(0, rate)
         self._path = PosePath(poses, rates)
@@ -111,7 +111,7 @@ class Postures:
         """
         self._gains, self._levelling_active = self._soft, False
         min_s = MOVING_SHARE * self._config.safety.recovery.unfold_s
-        self._path = PosePath([joint_position, self._standing], [self._fastest], min_s)
+        self._path = PosePath([joint_position, self._standing], [self._max_rate], min_s)
 
     def unfolded(self, time_s: float) -> bool:
         """Whether the time for unfolding is over."""

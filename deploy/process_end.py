@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
-# Ctrl-C, `kill`, a closed terminal (a lost SSH connection), Ctrl-\\, and all other signals that end a process
+# Ctrl-C, `kill`, a closed terminal (a lost SSH connection), Ctrl-\, and all other signals that end a process
 # without a handler. SIGALRM is for the deadline.
 ENDING = tuple(
     getattr(signal, name)

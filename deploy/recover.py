@@ -12,14 +12,14 @@ from footfall.deploy.telemetry.mcap_file import ENDED, METADATA
 CUT = "cut_s"  # metadata: start and end in the original log
 
 
-class Recovered(NamedTuple):
+class LogCopy(NamedTuple):
     """Content of a recovered copy."""
 
     messages: int
     damaged: int  # number of parts and messages that could not be read and are skipped
 
 
-def recover(damaged_log: Path, out: Path) -> Recovered:
+def recover(damaged_log: Path, out: Path) -> LogCopy:
     """Copy the readable part of a log into a complete file.
 
     Raises:
@@ -29,7 +29,7 @@ def recover(damaged_log: Path, out: Path) -> Recovered:
     return _copy(_read(damaged_log, out, damage), out, damage)
 
 
-def cut(path: Path, out: Path, from_s: float, to_s: float) -> Recovered:
+def cut(path: Path, out: Path, from_s: float, to_s: float) -> LogCopy:
     """Copy a time range of a log; the last earlier message of each latched topic moves to its start.
 
     Args:
@@ -57,7 +57,7 @@ def cut(path: Path, out: Path, from_s: float, to_s: float) -> Recovered:
 
 
 def _within(
-    log_records: list[Any], start_ns: int, end_ns: int, to_the_end: bool, span: tuple[float, float]
+    log_records: list[Any], start_ns: int, end_ns: int, includes_end: bool, span: tuple[float, float]
 ) -> list[Any]:
     """Records of a time range, including those without a time."""
     from mcap.records import Channel, Message, Metadata
@@ -67,18 +67,18 @@ def _within(
         for record in log_records
         if isinstance(record, Channel) and "transient_local" in str(record.metadata)
     }
-    held: dict[int, Message] = {}
+    latest: dict[int, Message] = {}
     kept: list[Any] = []
     for record in log_records:
         if isinstance(record, Metadata) and record.name == METADATA and ENDED in record.metadata:
-            kept += [record] if to_the_end else []
+            kept += [record] if includes_end else []
         elif not isinstance(record, Message) or start_ns <= record.log_time <= end_ns:
             kept.append(record)
         elif record.log_time < start_ns and record.channel_id in latched:
-            held[record.channel_id] = record
-    for record in held.values():
+            latest[record.channel_id] = record
+    for record in latest.values():
         record.log_time = start_ns
-    return [Metadata(METADATA, {CUT: json.dumps(span)}), *held.values(), *kept]
+    return [Metadata(METADATA, {CUT: json.dumps(span)}), *latest.values(), *kept]
 
 
 def _read(path: Path, out: Path, damage: Damage) -> list[Any]:
@@ -87,7 +87,7 @@ def _read(path: Path, out: Path, damage: Damage) -> list[Any]:
     return list(records(path, damage))
 
 
-def _copy(log_records: Iterable[Any], out: Path, damage: Damage) -> Recovered:
+def _copy(log_records: Iterable[Any], out: Path, damage: Damage) -> LogCopy:
     from mcap.records import Channel, Header, Message, Metadata, Schema
     from mcap.writer import Writer
 
@@ -123,7 +123,7 @@ def _copy(log_records: Iterable[Any], out: Path, damage: Damage) -> Recovered:
             writer.finish()
     except OSError as error:
         raise UserError(f"cannot write {out}: {error.strerror or error}") from None
-    return Recovered(count, damage.parts)
+    return LogCopy(count, damage.parts)
 
 
 def _register(writer: Any, channel: Any, schema: int) -> int:

@@ -43,11 +43,11 @@ class Recovery:
         self._config, self._clearance, self._pose = config, Clearance(robot), robot.default_pose
         self._since_us: int | None = None  # start of the rest, or of standing
         self._mode = Mode.IDLE
-        self._speeds, self._seen_us = np.zeros(len(robot.joint_names) + 3), 0  # of joints and base, rad/s
+        self._speeds, self._updated_us = np.zeros(len(robot.joint_names) + 3), 0  # of joints and base, rad/s
         self._fault, self._fell_s = "", 0.0
         self._consent = consent
-        self._left_s = -1.0  # time of the last walking
-        self.away_s = 0.0  # total time between a fall and walking again
+        self._left_walking_s = -1.0  # time of the last walking
+        self.recovery_s = 0.0  # total time from falls until the robot walked again
         self.recovered: list[Recovered] = []
 
     def revoke(self) -> None:
@@ -83,19 +83,19 @@ class Recovery:
 
     def follow(self, before: State, state: State) -> str:
         """Follow a change of the state. Returns a note on it; empty for none."""
-        lay_from_the_start = state.mode is Mode.RECOVERING and self._left_s < 0.0
+        lay_from_the_start = state.mode is Mode.RECOVERING and self._left_walking_s < 0.0
         if before.mode is Mode.WALKING or lay_from_the_start:
-            self._left_s = state.since_s
+            self._left_walking_s = state.since_s
         elif state.mode is Mode.WALKING and before.tries:
-            self.away_s += state.since_s - self._left_s
+            self.recovery_s += state.since_s - self._left_walking_s
         if state.mode is Mode.FALLING and not state.tries:
             self._fault, self._fell_s = state.faults[-1], state.since_s
         if before.mode is not Mode.RECOVERING or state.mode is not Mode.STANDING:
             return ""
-        found = Recovered(self._fault, self._fell_s, state.since_s, state.tries)
-        self.recovered.append(found)
-        took_s = found.stood_s - found.fell_s
-        return f"stood up again {took_s:.1f} s after a fall ({found.fault}), in try {found.tries}"
+        recovered = Recovered(self._fault, self._fell_s, state.since_s, state.tries)
+        self.recovered.append(recovered)
+        took_s = recovered.stood_s - recovered.fell_s
+        return f"stood up again {took_s:.1f} s after a fall ({recovered.fault}), in try {recovered.tries}"
 
     def _met_for_s(self, now_us: int, met: bool) -> float:
         """Duration for which a condition has been met, s."""
@@ -108,9 +108,9 @@ class Recovery:
 
     def _fastest(self, now_us: int, joints: JointLayer) -> float:
         """Largest speed of the joints and the base, smoothed since the start of the mode, rad/s."""
-        kept = math.exp(-1e-6 * (now_us - self._seen_us) / SMOOTH_S)
-        self._speeds = kept * self._speeds + (1.0 - kept) * _speeds(joints)
-        self._seen_us = now_us
+        decay = math.exp(-1e-6 * (now_us - self._updated_us) / SMOOTH_S)
+        self._speeds = decay * self._speeds + (1.0 - decay) * _speeds(joints)
+        self._updated_us = now_us
         return float(np.abs(self._speeds).max())
 
     def _stands(self, now_us: int, joints: JointLayer) -> bool:

@@ -66,16 +66,16 @@ def replay(
     points = 0 if scan is None else scan.size
     changes = _changes(log)
     worst, first, steps = 0.0, "", 0
-    for index, (given, decision) in enumerate(_steps(log)):
-        inputs = _inputs(log, given, points)
-        before = _numbers(log, decision)
-        if len(before) != 5 * len(joints):
-            raise UserError(f"{path}: step {index} has {len(before)} numbers for {len(joints)} joints")
+    for index, (inputs_entry, decision) in enumerate(_steps(log)):
+        inputs = _inputs(log, inputs_entry, points)
+        logged = _numbers(log, decision)
+        if len(logged) != 5 * len(joints):
+            raise UserError(f"{path}: step {index} has {len(logged)} numbers for {len(joints)} joints")
         try:
             now_us = round(inputs.time_s * 1e6)
-            while changes and changes[0][0] <= given.time_ns:
+            while changes and changes[0][0] <= inputs_entry.time_ns:
                 policies.apply(changes.popleft()[1], now_us)
-            again = policies.step(now_us, inputs).ravel()
+            replayed = policies.step(now_us, inputs).ravel()
         except WrongSizeError:
             raise UserError(
                 f"{path} is from a robot with {len(joints)} joints: the policy does not fit"
@@ -83,14 +83,14 @@ def replay(
         except Exception as error:  # a policy may raise anything on a damaged log, or another policy's log
             raise UserError(f"{path}: the policy fails at step {index}: {in_one_line(error)}") from None
         steps += 1
-        difference = _difference(again, before)
+        difference = _difference(replayed, logged)
         worst = max(worst, float(difference.max()))
         if not first and difference.max() > tolerance:
             field, joint = divmod(int(difference.argmax()), len(joints))
             first = (
                 f"step {index} ({inputs.time_s:.3f} s): {JointCommand._fields[field]} of"
-                f" {joints[joint]} was {before[difference.argmax()]:.9g},"
-                f" is {again[difference.argmax()]:.9g}"
+                f" {joints[joint]} was {logged[difference.argmax()]:.9g},"
+                f" is {replayed[difference.argmax()]:.9g}"
             )
     if not steps:
         raise UserError(f"{path} has no policy steps: the run ended before it walked")
@@ -100,8 +100,8 @@ def replay(
 def _steps(log: LogFile) -> list[tuple[Entry, Entry]]:
     """Inputs and decisions, paired by time; the last input may have no decision."""
     decided = {entry.time_ns: entry for entry in log.entries if entry.topic == DECISIONS}
-    given = [entry for entry in log.entries if entry.topic == INPUTS]
-    return [(entry, decided[entry.time_ns]) for entry in given if entry.time_ns in decided]
+    inputs = [entry for entry in log.entries if entry.topic == INPUTS]
+    return [(entry, decided[entry.time_ns]) for entry in inputs if entry.time_ns in decided]
 
 
 def _changes(log: LogFile) -> deque[tuple[int, Change]]:
@@ -118,13 +118,13 @@ def _changes(log: LogFile) -> deque[tuple[int, Change]]:
 
 def _config(log: LogFile) -> HandoverConfig:
     """Settings of handovers in the run."""
-    given = log.metadata.get(HANDOVER)
-    return HandoverConfig() if given is None else structure(given, HandoverConfig, str(log.path))
+    settings = log.metadata.get(HANDOVER)
+    return HandoverConfig() if settings is None else structure(settings, HandoverConfig, str(log.path))
 
 
-def _inputs(log: LogFile, given: Entry, scan_points: int) -> PolicyInput:
+def _inputs(log: LogFile, inputs_entry: Entry, scan_points: int) -> PolicyInput:
     try:
-        return unflatten(_numbers(log, given), len(log.joints), scan_points, log.foot_sensors)
+        return unflatten(_numbers(log, inputs_entry), len(log.joints), scan_points, log.foot_sensors)
     except ValueError as error:
         raise UserError(f"{log.path}: {error}") from None
 
@@ -137,9 +137,9 @@ def _numbers(log: LogFile, entry: Entry) -> np.ndarray:
         raise UserError(f"{log.path}: {entry.topic} has no numbers at {entry.time_ns} ns") from None
 
 
-def _difference(again: np.ndarray, before: np.ndarray) -> np.ndarray:
+def _difference(replayed: np.ndarray, logged: np.ndarray) -> np.ndarray:
     """Absolute differences of numbers; infinite if only one of the two is NaN."""
     with np.errstate(invalid="ignore"):
-        difference = np.abs(again - before)
-    same = (again == before) | (np.isnan(again) & np.isnan(before))
+        difference = np.abs(replayed - logged)
+    same = (replayed == logged) | (np.isnan(replayed) & np.isnan(logged))
     return np.where(same, 0.0, np.where(np.isnan(difference), np.inf, difference))

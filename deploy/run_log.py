@@ -33,7 +33,7 @@ class RunLog(Protocol):
     def order(self, now_us: int, order: Order) -> None:
         """Record an order to the run."""
 
-    def odometry(self, now_us: int, found: Odometry, footholds: np.ndarray | None = None) -> None:
+    def odometry(self, now_us: int, odometry: Odometry, footholds: np.ndarray | None = None) -> None:
         """Record the estimated motion of the base, and the footholds of a policy that plans them, (feet, 3)
         m."""
 

@@ -45,8 +45,8 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     if state.over:
         return state
     now = signals.now_s
-    if (failed := _failure(state, state.mode, signals, config)) is not None:
-        return failed
+    if (fault_state := _failure(state, state.mode, signals, config)) is not None:
+        return fault_state
     if state.mode is Mode.FALLING and signals.recovery.allowed:
         return _fallen(state, signals, config)
     if state.mode in DAMPED:
@@ -72,8 +72,8 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     if following is Mode.LOWERING:
         following = _lowered_or(Mode.RELEASING, state.mode, signals)
     faults = () if state.mode is Mode.RECOVERING else state.faults  # the robot stands: faults end
-    failed = _failure(state, following, signals, config)
-    return failed or State(following, now, faults, tries=state.tries)
+    fault_state = _failure(state, following, signals, config)
+    return fault_state or State(following, now, faults, tries=state.tries)
 
 
 def _fallen(state: State, signals: Signals, config: SafetyConfig) -> State:
@@ -88,8 +88,8 @@ def _fallen(state: State, signals: Signals, config: SafetyConfig) -> State:
     if waited_s < config.damping_s or not signals.recovery.ready:
         return state
     following = Mode.RECOVERING
-    failed = _failure(state, following, signals, config)
-    return failed or State(following, now, state.faults, tries=state.tries + 1)
+    fault_state = _failure(state, following, signals, config)
+    return fault_state or State(following, now, state.faults, tries=state.tries + 1)
 
 
 def damped(state: State, now_s: float, config: SafetyConfig) -> State:

@@ -24,13 +24,13 @@ LISTENING_TICKS = 25  # two heartbeats
 ROUNDS = 2  # probes of each id, because a frame may be lost
 MAX_ROUNDS = 5  # while a motor of robot.yaml is missing: a busy machine can lose the frames of a whole round
 LATE_TICKS = 30  # ticks for late replies
-AT_ONCE = 8  # ids probed per tick: an interface queues ten frames
+IDS_PER_TICK = 8  # ids probed per tick: an interface queues ten frames
 
 Drivers = Sequence[type[MotorDriver]]
 Probe = tuple[int, int, bytes]  # bus, identifier, data
 
 
-class Found(NamedTuple):
+class FoundMotor(NamedTuple):
     """A motor on a bus."""
 
     channel: int
@@ -38,7 +38,7 @@ class Found(NamedTuple):
     maker: str
 
 
-def everything(wiring: Wiring) -> tuple[CanFilter, ...]:
+def accept_all(wiring: Wiring) -> tuple[CanFilter, ...]:
     """Filters that all frames pass, including CAN FD frames if robot.yaml has motors that send them."""
     fd = bool(_fd_channels(wiring))
     return tuple({"can_id": 0, "can_mask": 0, "extended": extended, "fd": fd} for extended in (False, True))
@@ -50,15 +50,17 @@ def _fd_channels(wiring: Wiring) -> set[int]:
     return {channel for channel, model in channels if takes_fd(driver_class(model).filters)}
 
 
-def expected(wiring: Wiring) -> dict[Found, str]:
+def expected(wiring: Wiring) -> dict[FoundMotor, str]:
     """Motors of robot.yaml, each with its joint."""
     rows = zip(
         wiring.channel.tolist(), wiring.motor_id.tolist(), wiring.models, wiring.joint_names, strict=True
     )
-    return {Found(channel, motor, driver_class(model).maker): joint for channel, motor, model, joint in rows}
+    return {
+        FoundMotor(channel, motor, driver_class(model).maker): joint for channel, motor, model, joint in rows
+    }
 
 
-def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
+def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[FoundMotor]:
     """All motors on a robot's buses, which must be open with the filters of `everything`.
 
     Motors of robot.yaml without a reply are probed again, up to `MAX_ROUNDS` times.
@@ -68,7 +70,7 @@ def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
     answering = [driver for driver in drivers if driver.probes(MOTOR_IDS[0])]
     broadcasting = [driver for driver in drivers if driver not in answering]
     imu_identifiers = np.array(imu_driver_class(wiring.imu_protocol).identifiers)
-    found: set[Found] = set()
+    found: set[FoundMotor] = set()
     now_us = clock.next_tick()
     for _ in range(LISTENING_TICKS):
         for frames in bus.receive(now_us):
@@ -97,7 +99,7 @@ def scan(bus: Bus, wiring: Wiring, clock: Clock | None = None) -> set[Found]:
     return found
 
 
-def _senders(frames: Frames, drivers: Drivers) -> set[Found]:
+def _senders(frames: Frames, drivers: Drivers) -> set[FoundMotor]:
     """Motors of some protocols that sent frames."""
     found = set()
     for driver in drivers:
@@ -105,19 +107,19 @@ def _senders(frames: Frames, drivers: Drivers) -> set[Found]:
         ids = driver.senders(own)
         rows = ids >= 0
         pairs = zip(own.channel[rows].tolist(), ids[rows].tolist(), strict=True)
-        found |= {Found(channel, motor, driver.maker) for channel, motor in pairs}
+        found |= {FoundMotor(channel, motor, driver.maker) for channel, motor in pairs}
     return found
 
 
 def _probes(channels: Sequence[int], drivers: Drivers, is_free: Callable[[int, int], bool]) -> list[Frames]:
     """Probes of all motor ids on some buses; each batch has those of one protocol for some ids."""
     batches: dict[tuple[Probe, ...], Frames] = {}  # protocols with the same probes share a batch
-    for first in range(0, len(MOTOR_IDS), AT_ONCE):
+    for first in range(0, len(MOTOR_IDS), IDS_PER_TICK):
         for driver in drivers:
             probes: tuple[Probe, ...] = tuple(
                 (channel, *probe)
                 for channel in channels
-                for motor in MOTOR_IDS[first : first + AT_ONCE]
+                for motor in MOTOR_IDS[first : first + IDS_PER_TICK]
                 for probe in driver.probes(motor)
                 if is_free(channel, probe[0])
             )

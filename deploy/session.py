@@ -13,7 +13,7 @@ import numpy as np
 from footfall.common.config import unstructure
 from footfall.common.errors import UserError
 from footfall.common.limits import MAX_DURATION_S
-from footfall.deploy.base_estimate import BaseEstimate, BaseState
+from footfall.deploy.base_estimate import BaseEstimate, BaseStateFunction
 from footfall.deploy.bus import Bus, BusStatistics
 from footfall.deploy.clock import Clock, LockstepClock, WallClock
 from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction, source_of
@@ -68,7 +68,7 @@ class Session:
     stop_inputs: bool = False  # whether to open the robot's own stop inputs, too
     others: Mapping[str, Policy] = field(default_factory=dict)  # further selectable policies, by spec
     get_up: GetUp | None = None  # permission to get up after a fall
-    wiring_right: Callable[[Sequence[Verdict]], None] = lambda _: None  # called after a successful check
+    on_wiring_passed: Callable[[Sequence[Verdict]], None] = lambda _: None  # called after a successful check
 
 
 @dataclass(frozen=True)
@@ -90,10 +90,10 @@ class SessionResult:
 
 def run_on_interface(robot: Robot, policy: Policy, interface: str, session: Session) -> SessionResult:
     """Run a session on CAN interfaces of one kind, as named in `robot.yaml` (see `run_session`)."""
-    from footfall.deploy.interfaces import robots_interfaces
+    from footfall.deploy.interfaces import locked_interfaces
 
     wiring = wiring_of(robot)
-    with robots_interfaces(interface, wiring.buses, filters_of(robot, wiring)) as bus:
+    with locked_interfaces(interface, wiring.buses, filters_of(robot, wiring)) as bus:
         return run_session(robot, policy, bus, replace(session, stop_inputs=True))
 
 
@@ -103,7 +103,7 @@ def run_session(
     bus: Bus,
     session: Session,
     each_tick: EachTick | None = None,
-    base_state: BaseState | None = None,
+    base_state: BaseStateFunction | None = None,
 ) -> SessionResult:
     """Stand up, walk for the session's duration, lie down, damp, disable the motors.
 
@@ -141,7 +141,7 @@ def run_session(
         wiring_check = None
         if session.check_wiring:
             wiring_check = WiringCheck(
-                robot, wiring, driver, config, session.wiring_right, in_background=session.realtime
+                robot, wiring, driver, config, session.on_wiring_passed, in_background=session.realtime
             )
         loop = ControlLoop(
             robot,
@@ -173,8 +173,8 @@ def run_session(
             finally:
                 loop.shut_down()
         wall_s = time.perf_counter() - started
-        at_the_end = [*_motors_left_on(loop), *_damaged(loop)]
-        missing_in_log = "" if log is None else _end(log, runner, loop.now_us, at_the_end)
+        end_notes = [*_motors_left_on(loop), *_damaged(loop)]
+        missing_in_log = "" if log is None else _end(log, runner, loop.now_us, end_notes)
         return SessionResult(
             final_state=loop.state.mode.value,
             faults=loop.state.faults,
@@ -185,7 +185,7 @@ def run_session(
             timing=loop.timing.summary(),
             buses=tuple(bus.statistics()),
             recoveries=tuple(loop.recovery.recovered),
-            notes=(*refused, *runner.notes, *filter(None, [missing_in_log]), *at_the_end),
+            notes=(*refused, *runner.notes, *filter(None, [missing_in_log]), *end_notes),
             missing_in_log=missing_in_log,
         )
 
@@ -289,7 +289,7 @@ def _damaged(loop: ControlLoop) -> list[str]:
 
 
 def _estimate(
-    robot: Robot, policies: Sequence[Policy], config: DeployConfig, base_state: BaseState | None
+    robot: Robot, policies: Sequence[Policy], config: DeployConfig, base_state: BaseStateFunction | None
 ) -> BaseEstimate:
     """Create the base estimate if a policy, the command source or the log needs one."""
     needed = config.odometry or any(policy.needs_estimate for policy in policies)

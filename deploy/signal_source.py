@@ -154,7 +154,7 @@ class SignalSource:
         motors_replied, rest, joints = motor_silence_us <= self._silence_us, self._first_rest, self._joints
         if motors_replied and imu_silence_us <= self._silence_us:
             rest.update(now_us, joints.inertial, joints.joints[1])
-        not_ready = self._driver.not_ready() or self._driver.not_enabled() or rest.awaited(now_us)
+        not_ready = self._driver.not_ready() or self._driver.not_enabled() or rest.not_at_rest(now_us)
         if not motors_replied:
             return StartSignals(not_ready), None
         pose = impossible_pose(self._robot, self._labels, joints.joints[0], self._first_pose_rad)

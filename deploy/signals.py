@@ -81,7 +81,7 @@ class WiringSignals(NamedTuple):
 class RecoverySignals(NamedTuple):
     """State of getting up after a fall; defaults in a run without permission for it."""
 
-    allowed: bool = False  # nobody has requested a stop or the end of the run
+    allowed: bool = False  # neither a stop nor the end of the run was requested
     ready: bool = False  # the robot lies still, and any required request has been made
     stands: bool = False  # on its legs for long enough
     tries: int = 0  # number of tries since the fall, including the current one

@@ -11,6 +11,6 @@ class SkippedTicks:
         """Update with `elapsed_us`, the time since the previous tick; returns the share."""
         if elapsed_us > self._tick_us or self._share:
             weight = min(elapsed_us * 1e-6, 1.0)
-            left_out = (elapsed_us - self._tick_us) / elapsed_us if elapsed_us else 0.0
-            self._share += weight * (left_out - self._share)
+            skipped = (elapsed_us - self._tick_us) / elapsed_us if elapsed_us else 0.0
+            self._share += weight * (skipped - self._share)
         return self._share

@@ -1,6 +1,6 @@
 """Linux CAN interfaces through raw sockets: the kernel filters frames and adds arrival times.
 
-It takes a fifth of the processor time of python-can's `socketcan`.
+This bus takes a fifth of the processor time of python-can's `socketcan`.
 """
 
 import errno
@@ -34,7 +34,7 @@ class Layout:
     """What consecutive batches usually have in common: identifiers, lengths and buses of their frames."""
 
     def __init__(self, packed: np.ndarray, counts: list[int]) -> None:
-        """Args: `packed` as `FRAME`, (k,); `counts` of frames of each bus."""
+        """Layout of a batch: `packed` are its frames as `FRAME`, (k,), `counts` their number on each bus."""
         self._key = self._key_of(packed, counts)
         self._channel = np.repeat(np.arange(len(counts)), counts)
         self._id, self._length = packed["id"].astype(np.intp), packed["length"].astype(np.intp)

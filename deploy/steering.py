@@ -56,7 +56,7 @@ class Steering:
         fallback: CommandRange | None = None,
         get_up: str = "",
     ) -> None:
-        """Without any request yet.
+        """Start without a request.
 
         Args:
             source: source of commands.
@@ -220,14 +220,14 @@ class Steering:
         return new
 
     def _clipped(self, name: str, value: float, span: Span) -> float:
-        inside = min(max(float(value), span.lowest), span.highest)
-        if inside != value:
+        clipped = min(max(float(value), span.lowest), span.highest)
+        if clipped != value:
             unit = DECLARED[name].unit
             self.note(
                 f"{name} of {self._policy} goes from {span.lowest:g} to {span.highest:g} {unit}:"
-                f" {value:g} became {inside:g}"
+                f" {value:g} became {clipped:g}"
             )
-        return inside
+        return clipped
 
     def note(self, note: str) -> None:
         """Add a line to the run's notes unless it is there already."""

@@ -1,4 +1,4 @@
-"""Runs policies for a while before a run, so that the first steps of one used later are not slow."""
+"""Runs policies for a while before a run, so that the first steps of a policy used later are not slow."""
 
 import numpy as np
 

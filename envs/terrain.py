@@ -218,7 +218,7 @@ class Pieces:
         if self._has_edges:
             nearest = edge_at(self._ground, points, piece)
             height = jnp.where(self._ground.stepped[piece], nearest.low, height)
-            edge = jnp.column_stack([nearest.away, nearest.offset, nearest.high])
+            edge = jnp.column_stack([nearest.normal, nearest.offset, nearest.high])
         else:
             edge = jnp.tile(jnp.array([1.0, 0.0, UNREACHABLE_M, UNREACHABLE_M]), (len(points), 1))
         normal = jnp.column_stack([-slope, jnp.ones(len(points))])

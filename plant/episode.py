@@ -16,7 +16,7 @@ from footfall.deploy.height_scan import HeightScanSource
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.recovery import GetUp
-from footfall.deploy.session import BaseState, Session, SessionResult, run_session
+from footfall.deploy.session import BaseStateFunction, Session, SessionResult, run_session
 from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
@@ -244,7 +244,7 @@ def _scanner(policy: Policy, body: SimulatedRobot, episode: Episode) -> HeightSc
     return SimulatedScanner(scan, episode.height_scan_errors, episode.ground, pose, episode.seed)
 
 
-def true_base_state(body: SimulatedRobot) -> BaseState:
+def true_base_state(body: SimulatedRobot) -> BaseStateFunction:
     """Reads the true base velocity, and the base's height above the mean standing foot."""
 
     def read() -> tuple[np.ndarray, float]:

@@ -13,21 +13,21 @@ def boxes(ground: Ground) -> np.ndarray:
     """
     heights = np.asarray(ground.heights)[0, :-1, :-1]
     free = np.ones(heights.shape, dtype=bool)
-    found = []
+    cells = []
     for row, column in np.ndindex(*heights.shape):
         if not free[row, column]:
             continue
         height = heights[row, column]
-        alike = free & (heights == height)
-        columns = _run(alike[row, column:])
-        rows = _run(alike[row:, column : column + columns].all(axis=1))
+        same_height = free & (heights == height)
+        columns = _run(same_height[row, column:])
+        rows = _run(same_height[row:, column : column + columns].all(axis=1))
         free[row : row + rows, column : column + columns] = False
-        found.append((row, row + rows, column, column + columns, height))
-    rectangles = np.array(found, dtype=float)
+        cells.append((row, row + rows, column, column + columns, height))
+    rectangles = np.array(cells, dtype=float)
     rectangles[:, :4] = rectangles[:, :4] * ground.cell_m - ground.half_m
     return rectangles
 
 
-def _run(alike: np.ndarray) -> int:
+def _run(same_height: np.ndarray) -> int:
     """Number of leading True."""
-    return len(alike) if alike.all() else int(alike.argmin())
+    return len(same_height) if same_height.all() else int(same_height.argmin())

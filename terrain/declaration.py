@@ -60,22 +60,22 @@ def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Groun
     heights = bind(shape.heights, config.settings, where)
     cells = round(config.size_m / config.cell_m)
     half_m = 0.5 * cells * config.cell_m
-    along = np.arange(cells + 1) * config.cell_m - half_m
+    coordinates = np.arange(cells + 1) * config.cell_m - half_m
     if shape.stepped:  # heights at cell centres; the last one is a copy that no point reads
-        along = np.minimum(along, along[-2]) + 0.5 * config.cell_m
-    x, y = np.meshgrid(along, along, indexing="ij")
-    made = heights(Positions(x, y, half_m), np.random.default_rng(seed))
-    return Ground(made[None], np.array([shape.stepped]), config.cell_m)
+        coordinates = np.minimum(coordinates, coordinates[-2]) + 0.5 * config.cell_m
+    x, y = np.meshgrid(coordinates, coordinates, indexing="ij")
+    values = heights(Positions(x, y, half_m), np.random.default_rng(seed))
+    return Ground(values[None], np.array([shape.stepped]), config.cell_m)
 
 
-def at_difficulty(config: GroundConfig, share: float) -> GroundConfig:
+def at_difficulty(config: GroundConfig, difficulty: float) -> GroundConfig:
     """A ground with each parameter [easiest, hardest] interpolated: `share` 0 is easiest, 1 hardest."""
 
-    def chosen(value: Any) -> Any:
+    def interpolated(value: Any) -> Any:
         is_range = isinstance(value, list) and len(value) == 2
-        return value[0] + share * (value[1] - value[0]) if is_range else value
+        return value[0] + difficulty * (value[1] - value[0]) if is_range else value
 
-    return replace(config, settings={name: chosen(value) for name, value in config.settings.items()})
+    return replace(config, settings={name: interpolated(value) for name, value in config.settings.items()})
 
 
 def pieces(configs: Sequence[GroundConfig], levels: int, seed: int, where: str) -> Ground:
@@ -84,13 +84,15 @@ def pieces(configs: Sequence[GroundConfig], levels: int, seed: int, where: str) 
     Raises:
         UserError: as `check_ground`; the message begins with `where` and the entry.
     """
-    made = [
+    grounds = [
         make_ground(at_difficulty(config, level / max(1, levels - 1)), seed + level, f"{where}[{kind}]")
         for kind, config in enumerate(configs)
         for level in range(levels)
     ]
-    heights, stepped = (np.concatenate([getattr(g, part) for g in made]) for part in ("heights", "stepped"))
-    return Ground(heights, stepped, made[0].cell_m)
+    heights, stepped = (
+        np.concatenate([getattr(ground, part) for ground in grounds]) for part in ("heights", "stepped")
+    )
+    return Ground(heights, stepped, grounds[0].cell_m)
 
 
 @cache

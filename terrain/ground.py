@@ -36,7 +36,7 @@ class Tangent(NamedTuple):
 class Edge(NamedTuple):
     """The edge that is nearest to a point of a stepped piece, and the levels on both sides."""
 
-    away: Array  # (..., 2) horizontal unit normal, from the higher level to the lower one
+    normal: Array  # (..., 2) horizontal unit normal, from the higher level to the lower one
     offset: Array  # (...) m, of the edge from the origin along that normal
     low: Array  # (...) m, height of the lower level; without an edge, of the point's cell
     high: Array  # (...) m, height of the higher one; without an edge far below everything
@@ -51,15 +51,15 @@ def tangent_at(ground: Ground, position: Array, piece: Array | int = 0) -> Tange
     """Height and slope of the ground at positions (..., 2) or (..., 3), m, on a piece (one, or (...))."""
     xp = position.__array_namespace__()
     heights = ground.heights
-    row, column, share, inside = _cell(ground, position)
-    u, v = (xp.where(ground.stepped[piece], 0.0, share[..., axis]) for axis in (0, 1))
-    low, high = heights[piece, row, column], heights[piece, row, column + 1]
-    low_next, high_next = heights[piece, row + 1, column], heights[piece, row + 1, column + 1]
-    here, there = low + v * (high - low), low_next + v * (high_next - low_next)
-    across = (1.0 - u) * (high - low) + u * (high_next - low_next)
-    slope = xp.stack([there - here, across], axis=-1) / ground.cell_m
+    row, column, fraction, inside = _cell(ground, position)
+    u, v = (xp.where(ground.stepped[piece], 0.0, fraction[..., axis]) for axis in (0, 1))
+    h00, h01 = heights[piece, row, column], heights[piece, row, column + 1]
+    h10, h11 = heights[piece, row + 1, column], heights[piece, row + 1, column + 1]
+    near, far = h00 + v * (h01 - h00), h10 + v * (h11 - h10)
+    rise_y = (1.0 - u) * (h01 - h00) + u * (h11 - h10)
+    slope = xp.stack([far - near, rise_y], axis=-1) / ground.cell_m
     sloped = inside & ~xp.expand_dims(xp.asarray(ground.stepped[piece]), -1)
-    return Tangent(here + u * (there - here), xp.where(sloped, slope, 0.0))
+    return Tangent(near + u * (far - near), xp.where(sloped, slope, 0.0))
 
 
 def edge_at(ground: Ground, position: Array, piece: Array | int = 0, reach: int = 2) -> Edge:
@@ -72,32 +72,32 @@ def edge_at(ground: Ground, position: Array, piece: Array | int = 0, reach: int 
         reach: largest distance of an edge, in cells.
     """
     xp = position.__array_namespace__()
-    row, column, share, _ = _cell(ground, position)
+    row, column, fraction, _ = _cell(ground, position)
     last = ground.heights.shape[-1] - 2
     here = ground.heights[piece, row, column]
     nearest = xp.full_like(here, 1e3)  # m
-    away, other = xp.zeros_like(position[..., :2]), xp.full_like(here, UNREACHABLE_M)
+    normal, other_height = xp.zeros_like(position[..., :2]), xp.full_like(here, UNREACHABLE_M)
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
         for cells in range(1, reach + 1):
-            at = [row, column]
-            at[axis] = xp.clip(at[axis] + sign * cells, 0, last)
-            there = ground.heights[piece, at[0], at[1]]
-            gap = share[..., axis] if sign < 0 else 1.0 - share[..., axis]
-            distance = (gap + (cells - 1)) * ground.cell_m
-            found = (xp.abs(there - here) > SAME_M) & (distance < nearest)
-            outwards = xp.where(there > here, -1.0, 1.0) * sign
-            direction = xp.zeros_like(away) + xp.expand_dims(outwards, -1) * _unit(xp, axis, away)
-            nearest = xp.where(found, distance, nearest)
-            away = xp.where(found[..., None], direction, away)
-            other = xp.where(found, there, other)
-    edge = (nearest < 1e3) & ground.stepped[piece]
-    from_here = xp.where(other > here, -nearest, nearest)  # along `away`, from the position to the edge
-    offset = (away * position[..., :2]).sum(axis=-1) + from_here
+            cell = [row, column]
+            cell[axis] = xp.clip(cell[axis] + sign * cells, 0, last)
+            there = ground.heights[piece, cell[0], cell[1]]
+            to_border = fraction[..., axis] if sign < 0 else 1.0 - fraction[..., axis]
+            distance = (to_border + (cells - 1)) * ground.cell_m
+            nearer = (xp.abs(there - here) > SAME_M) & (distance < nearest)
+            sign_of_normal = xp.where(there > here, -1.0, 1.0) * sign
+            direction = xp.zeros_like(normal) + xp.expand_dims(sign_of_normal, -1) * _unit(xp, axis, normal)
+            nearest = xp.where(nearer, distance, nearest)
+            normal = xp.where(nearer[..., None], direction, normal)
+            other_height = xp.where(nearer, there, other_height)
+    has_edge = (nearest < 1e3) & ground.stepped[piece]
+    along_normal = xp.where(other_height > here, -nearest, nearest)  # from the position to the edge
+    offset = (normal * position[..., :2]).sum(axis=-1) + along_normal
     return Edge(
-        away=away,
-        offset=xp.where(edge, offset, UNREACHABLE_M),
-        low=xp.where(edge, xp.minimum(here, other), here),
-        high=xp.where(edge, xp.maximum(here, other), UNREACHABLE_M),
+        normal=normal,
+        offset=xp.where(has_edge, offset, UNREACHABLE_M),
+        low=xp.where(has_edge, xp.minimum(here, other_height), here),
+        high=xp.where(has_edge, xp.maximum(here, other_height), UNREACHABLE_M),
     )
 
 

@@ -77,12 +77,12 @@ def rough(
 ) -> np.ndarray:
     """Random heights up to `roughness_m` above and below 0, `spacing_m` apart, interpolated linearly."""
     points = math.ceil(2.0 * positions.half_m / spacing_m) + 2
-    drawn = roughness_m * rng.uniform(-1.0, 1.0, (points, points))
-    row, column = ((at + positions.half_m) / spacing_m for at in (positions.x, positions.y))
+    drawn_m = roughness_m * rng.uniform(-1.0, 1.0, (points, points))
+    row, column = ((axis + positions.half_m) / spacing_m for axis in (positions.x, positions.y))
     first_row, first_column = row.astype(int), column.astype(int)
     u, v = row - first_row, column - first_column
-    near = drawn[first_row, first_column] * (1 - v) + drawn[first_row, first_column + 1] * v
-    far = drawn[first_row + 1, first_column] * (1 - v) + drawn[first_row + 1, first_column + 1] * v
+    near = drawn_m[first_row, first_column] * (1 - v) + drawn_m[first_row, first_column + 1] * v
+    far = drawn_m[first_row + 1, first_column] * (1 - v) + drawn_m[first_row + 1, first_column + 1] * v
     return np.where(positions.between(start_m), near * (1 - u) + far * u, 0.0)
 
 
@@ -96,9 +96,11 @@ def blocks(
 ) -> np.ndarray:
     """Square blocks of random heights between 0 and `block_m`."""
     count = math.ceil(2.0 * positions.half_m / side_m) + 1
-    drawn = block_m * rng.random((count, count))
-    row, column = (((at + positions.half_m) / side_m + 1e-9).astype(int) for at in (positions.x, positions.y))
-    return np.where(positions.between(start_m), drawn[row, column], 0.0)
+    drawn_m = block_m * rng.random((count, count))
+    row, column = (
+        ((axis + positions.half_m) / side_m + 1e-9).astype(int) for axis in (positions.x, positions.y)
+    )
+    return np.where(positions.between(start_m), drawn_m[row, column], 0.0)
 
 
 def waves(
@@ -110,8 +112,8 @@ def waves(
     start_m: Start = 1.0,
 ) -> np.ndarray:
     """Waves along both axes, from trough to crest at most `wave_m` high."""
-    number = 2.0 * math.pi / wavelength_m
-    heights = 0.25 * wave_m * (np.sin(number * positions.x) + np.sin(number * positions.y))
+    wave_number = 2.0 * math.pi / wavelength_m
+    heights = 0.25 * wave_m * (np.sin(wave_number * positions.x) + np.sin(wave_number * positions.y))
     return np.where(positions.between(start_m), heights, 0.0)
 
 
@@ -125,8 +127,8 @@ def gaps(
     start_m: Start = 1.0,
 ) -> np.ndarray:
     """Trenches around the start, `gap_m` wide, with `apart_m` of level ground between them."""
-    through = (positions.ring - start_m) % (gap_m + apart_m)
-    return np.where(positions.between(start_m) & (through < gap_m - 1e-9), -depth_m, 0.0)
+    phase = (positions.ring - start_m) % (gap_m + apart_m)
+    return np.where(positions.between(start_m) & (phase < gap_m - 1e-9), -depth_m, 0.0)
 
 
 class Shape(NamedTuple):

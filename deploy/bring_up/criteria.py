@@ -21,7 +21,7 @@ class Window(NamedTuple):
     begin_s: float
     end_s: float
     joints: tuple[int, ...] = ()
-    sways: str = ""  # axis of the base's tilt: roll or pitch
+    sway_axis: str = ""  # axis of the base's tilt: roll or pitch
 
 
 class Case(NamedTuple):
@@ -70,8 +70,8 @@ def calm(case: Case) -> Iterator[str]:
     if len(samples.time_s) <= 2 * count:
         return
     mean = np.apply_along_axis(np.convolve, 0, samples.velocity, np.ones(count) / count, "valid")
-    about = samples.velocity[count // 2 : count // 2 + len(mean)] - mean
-    shaking = np.sqrt((about**2).mean(axis=0))
+    deviation = samples.velocity[count // 2 : count // 2 + len(mean)] - mean
+    shaking = np.sqrt((deviation**2).mean(axis=0))
     joint = int(shaking.argmax())
     if shaking[joint] > case.limits.shaking_rad_s:
         yield f"{case.labels[joint]} shakes with {shaking[joint]:.1f} rad/s: lower its gains"
@@ -133,12 +133,12 @@ def carry(case: Case) -> Iterator[str]:
 def sway(case: Case) -> Iterator[str]:
     """The base's tilt by the IMU equals its tilt by the joints, with all feet on the ground."""
     legs, samples = case.robot.legs, case.samples
-    some = slice(None, None, max(1, len(samples.time_s) // MAX_POSES))
+    subset = slice(None, None, max(1, len(samples.time_s) // MAX_POSES))
     target_angle, by_joints = (
-        _planes(np.array([legs.pose(row).foot for row in poses[some]]))[case.window.sways]
+        _planes(np.array([legs.pose(row).foot for row in poses[subset]]))[case.window.sway_axis]
         for poses in (samples.target, samples.position)
     )
-    by_imu = getattr(samples, case.window.sways)[some]
+    by_imu = getattr(samples, case.window.sway_axis)[subset]
     target_angle, by_joints, by_imu = (
         target_angle - target_angle[0],
         by_joints - by_joints[0],
@@ -149,7 +149,7 @@ def sway(case: Case) -> Iterator[str]:
         yield "the legs do not tilt the base: check gains and torques"
     elif not low <= (share := float(by_imu @ by_joints / (by_joints @ by_joints))) <= high:
         yield (
-            f"the base's {case.window.sways} by the IMU is {share:.0%} of that by the joints:"
+            f"the base's {case.window.sway_axis} by the IMU is {share:.0%} of that by the joints:"
             " a gear ratio, a zero or the IMU's mounting is wrong"
         )
 

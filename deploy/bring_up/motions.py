@@ -63,32 +63,38 @@ def still(robot: Robot) -> Trajectory:
 
 
 def one_after_the_other(
-    robot: Robot, groups: Sequence[np.ndarray], by_rad: float, each_s: float
+    robot: Robot, groups: Sequence[np.ndarray], travel_rad: float, duration_s: float
 ) -> Trajectory:
     """Trajectory in which groups of joints (indices) move in turn, each joint towards the middle of its
-    range."""
+    range.
+
+    The joints of a group move by `travel_rad` and back within `duration_s`.
+    """
     lower, upper = robot.soft_limits
     direction = np.where(robot.default_pose < (lower + upper) / 2, 1.0, -1.0)
-    masks = np.zeros((len(groups), len(lower)))
+    offsets = np.zeros((len(groups), len(lower)))
     for row, group in enumerate(groups):
-        masks[row, group] = by_rad * direction[group]
+        offsets[row, group] = travel_rad * direction[group]
 
     def trajectory(time_s: float) -> np.ndarray:
-        turn = min(int(time_s / each_s), len(groups) - 1)
-        return there_and_back(min(time_s / each_s - turn, 1.0)) * masks[turn]
+        index = min(int(time_s / duration_s), len(groups) - 1)
+        return there_and_back(min(time_s / duration_s - index, 1.0)) * offsets[index]
 
     return trajectory
 
 
-def swaying(robot: Robot, by_rad: float, each_s: float) -> Trajectory:
-    """Trajectory that tilts the base to the right, then forward, above its feet in the default pose."""
+def swaying(robot: Robot, tilt_rad: float, duration_s: float) -> Trajectory:
+    """Trajectory that tilts the base to the right, then forward, above its feet in the default pose.
+
+    Each of the two motions reaches `tilt_rad` and takes `duration_s`, with the return.
+    """
     legs, pose = robot.legs, robot.default_pose
 
     def trajectory(time_s: float) -> np.ndarray:
-        turn = min(int(time_s / each_s), 1)
+        axis = min(int(time_s / duration_s), 1)
         tilt = np.zeros(2)
-        tilt[turn] = by_rad * there_and_back(min(time_s / each_s - turn, 1.0))
-        feet = level_feet(legs.default_foot, -tilt)  # which level a base tilted by `tilt`
+        tilt[axis] = tilt_rad * there_and_back(min(time_s / duration_s - axis, 1.0))
+        feet = level_feet(legs.default_foot, -tilt)  # feet on level ground below a base tilted by `tilt`
         return legs.scatter(legs.solve(feet), pose) - pose
 
     return trajectory
@@ -117,10 +123,10 @@ class SlewedIn:
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         share = min(inputs.time_s / self._slew_s, 1.0) if self._slew_s else 1.0
-        decided = self._policy.act(inputs)
+        command = self._policy.act(inputs)
         if share == 1.0:
-            return decided
-        return JointCommand.of(self._stand + share * (np.array(decided, dtype=float) - self._stand))
+            return command
+        return JointCommand.of(self._stand + share * (np.array(command, dtype=float) - self._stand))
 
     def stance(self) -> np.ndarray | None:
         return self._policy.stance()

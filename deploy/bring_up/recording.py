@@ -40,5 +40,5 @@ class Samples:
         self.target, self.position = joints[:, 0], joints[:, 1]  # rad
         self.velocity, self.torque = joints[:, 2], joints[:, 3]  # rad/s, N m
         self.temperature_c = joints[:, 4]  # NaN if not reported
-        self.roll = np.arctan2(up[:, 1], up[:, 2])  # rad, right side down
-        self.pitch = np.arctan2(-up[:, 0], up[:, 2])  # rad, front down
+        self.roll = np.arctan2(up[:, 1], up[:, 2])  # rad, positive with the right side down
+        self.pitch = np.arctan2(-up[:, 0], up[:, 2])  # rad, positive with the front down

@@ -38,7 +38,7 @@ from footfall.deploy.wiring_check.verdict import Verdict as WiringVerdict
 from footfall.policies.policy import Policy
 from footfall.robots.description import Robot
 
-LOOK_EVERY = 2  # ticks
+SAMPLE_EVERY = 2  # ticks
 
 
 class Setting(NamedTuple):
@@ -50,7 +50,7 @@ class Setting(NamedTuple):
     config: BringUpConfig
     deploy: DeployConfig  # its `scale` applies to every step
     realtime: bool = True
-    wiring_right: Callable[[Sequence[WiringVerdict]], None] = lambda _: None  # called after success
+    on_wiring_passed: Callable[[Sequence[WiringVerdict]], None] = lambda _: None  # called after success
 
     @property
     def gains(self) -> tuple[np.ndarray, np.ndarray]:
@@ -109,7 +109,8 @@ def _move(setting: Setting, groups: list[np.ndarray]) -> Plan:
     config, each_s = setting.config, setting.config.move_s
     trajectory = one_after_the_other(setting.robot, groups, config.move_rad, each_s)
     windows = [
-        Window(turn * each_s, (turn + 1) * each_s, tuple(group.tolist())) for turn, group in enumerate(groups)
+        Window(index * each_s, (index + 1) * each_s, tuple(group.tolist()))
+        for index, group in enumerate(groups)
     ]
     return Plan(TrajectoryPolicy(trajectory, *setting.gains), windows)
 
@@ -133,7 +134,8 @@ def _sway(setting: Setting) -> Plan:
     robot, config = setting.robot, setting.config
     trajectory, each_s = swaying(robot, config.sway_rad, config.move_s), config.move_s
     windows = [
-        Window(turn * each_s, (turn + 1) * each_s, sways=s) for turn, s in enumerate(("roll", "pitch"))
+        Window(index * each_s, (index + 1) * each_s, sway_axis=axis)
+        for index, axis in enumerate(("roll", "pitch"))
     ]
     return Plan(StandingTrajectoryPolicy(robot, trajectory, *setting.gains), windows)
 
@@ -164,22 +166,22 @@ class _Judge:
     def __init__(self, setting: Setting, step: Step, plan: Plan) -> None:
         wiring = wiring_of(setting.robot)
         self._labels = [wiring.label(joint) for joint in range(len(setting.robot.joint_names))]
-        self._setting, self._step, self._waiting = setting, step, list(plan.windows)
+        self._setting, self._step, self._pending = setting, step, list(plan.windows)
         self._recording, self._ticks = Recording(), 0
         self.findings: list[str] = []
 
     def tick(self, loop: ControlLoop) -> None:
         """Record and test; called after each joint tick."""
         self._ticks += 1
-        if not loop.walking or self._ticks % LOOK_EVERY:
+        if not loop.walking or self._ticks % SAMPLE_EVERY:
             return
         self._recording.add(loop)
         error = np.abs(loop.target - loop.sensed.joint_position)
         joint = int(error.argmax())
         if self._step.hangs and error[joint] > self._setting.config.limits.lost_rad:
             self.findings.append(f"{self._labels[joint]} is {error[joint]:.2f} rad away from its target")
-        while self._waiting and loop.walking_s >= self._waiting[0].end_s - 1e-9:
-            self._judge(self._waiting.pop(0))
+        while self._pending and loop.walking_s >= self._pending[0].end_s - 1e-9:
+            self._judge(self._pending.pop(0))
         if self.findings:
             loop.finish(skip_lie_down=True)
 
@@ -192,7 +194,7 @@ class _Judge:
     def verdict(self, outcome: SessionResult) -> Verdict:
         """Result of the whole run, with the supervisor's faults first."""
         findings = [*outcome.faults, *self.findings]
-        if not findings and self._waiting:
+        if not findings and self._pending:
             findings = ["it ended early"]
         return Verdict(self._step.name, tuple(findings), outcome)
 
@@ -219,7 +221,7 @@ def run_step(step: Step, setting: Setting, bus: Bus) -> Verdict:
         lie_down=not step.hangs,
         check_wiring=step.checks_wiring,
         stop_inputs=setting.realtime,
-        wiring_right=setting.wiring_right,
+        on_wiring_passed=setting.on_wiring_passed,
     )
     outcome = run_session(setting.robot, plan.policy, bus, session, judge.tick)
     return judge.verdict(outcome)

@@ -15,8 +15,8 @@ from footfall.deploy.frames import FD, MAX_FD_BYTES, Frames, no_frames
 from footfall.deploy.wiring import Wiring
 
 MOTOR_PAGE, IMU_PAGE = "deploy/drivers/driver.py", "deploy/drivers/imu_driver.py"
-DATA = ("maker", "models", "motor_end", "filters")  # members of a motor driver's class
-IMU_DATA = ("filters", "identifiers", "imu_end")  # members of an IMU driver's class
+MOTOR_ATTRIBUTES = ("maker", "models", "motor_end", "filters")  # members of a motor driver's class
+IMU_ATTRIBUTES = ("filters", "identifiers", "imu_end")  # members of an IMU driver's class
 
 
 def motor_driver_at(import_path: str) -> type[MotorDriver]:
@@ -26,7 +26,7 @@ def motor_driver_at(import_path: str) -> type[MotorDriver]:
         UserError: there is no such class, or it lacks a member of `MotorDriver`.
     """
     found: type[MotorDriver] = _class_at(
-        import_path, "motor driver", (*DATA, *_methods(MotorDriver)), MOTOR_PAGE
+        import_path, "motor driver", (*MOTOR_ATTRIBUTES, *_methods(MotorDriver)), MOTOR_PAGE
     )
     return found
 
@@ -37,48 +37,50 @@ def imu_driver_at(import_path: str) -> type[ImuDriver]:
     Raises:
         UserError: there is no such class, it cannot be built, or it lacks a member of `ImuDriver`.
     """
-    found: type[ImuDriver] = _class_at(import_path, "IMU driver", (*IMU_DATA, *_methods(ImuDriver)), IMU_PAGE)
-    driver = _tried(import_path, "__init__", lambda: found(0))
+    found: type[ImuDriver] = _class_at(
+        import_path, "IMU driver", (*IMU_ATTRIBUTES, *_methods(ImuDriver)), IMU_PAGE
+    )
+    driver = _call(import_path, "__init__", lambda: found(0))
     _require(driver, import_path, "IMU driver", _members(ImuDriver), IMU_PAGE)
-    _tried(import_path, "absorb", lambda: driver.absorb(no_frames(), 0))
-    lengths = [len(part) for part in _tried(import_path, "reading", lambda: Inertial(*driver.reading))]
+    _call(import_path, "absorb", lambda: driver.absorb(no_frames(), 0))
+    lengths = [len(part) for part in _call(import_path, "reading", lambda: Inertial(*driver.reading))]
     if lengths != [3, 3, 4]:
         _refuse(import_path, "reading", f"parts of lengths {lengths}, not [3, 3, 4]")
     return found
 
 
-def open_outside(driver: type[MotorDriver], wiring: Wiring) -> Driver:
+def open_external(driver: type[MotorDriver], wiring: Wiring) -> Driver:
     """An external driver for its motors.
 
     Raises:
         UserError: it cannot be built, lacks a member of `MotorDriver`, or returns wrong types or shapes.
     """
     import_path, n = wiring.models[0], len(wiring.motor_id)
-    tried = _tried(import_path, "__init__", lambda: driver(wiring))
-    _require(tried, import_path, "motor driver", _members(MotorDriver), MOTOR_PAGE)
+    instance = _call(import_path, "__init__", lambda: driver(wiring))
+    _require(instance, import_path, "motor driver", _members(MotorDriver), MOTOR_PAGE)
     for name, shape in (("lowest", (5, n)), ("highest", (5, n)), ("gain_rounding", (2, n))):
-        _check_shape(import_path, name, getattr(tried, name), shape)
-    _check_shape(import_path, "exchange_bits", tried.exchange_bits, (n,))
+        _check_shape(import_path, name, getattr(instance, name), shape)
+    _check_shape(import_path, "exchange_bits", instance.exchange_bits, (n,))
     for name in ("query_settings", "enable", "disable", "clear", "zero"):
-        _check_frames(import_path, name, _tried(import_path, name, getattr(tried, name)))
+        _check_frames(import_path, name, _call(import_path, name, getattr(instance, name)))
     _check_frames(
-        import_path, "command", _tried(import_path, "command", lambda: tried.command(np.zeros((5, n))))
+        import_path, "command", _call(import_path, "command", lambda: instance.command(np.zeros((5, n))))
     )
-    damping = _tried(import_path, "damping", lambda: tried.damping(np.zeros(n)))
+    damping = _call(import_path, "damping", lambda: instance.damping(np.zeros(n)))
     if not isinstance(damping, tuple) or not damping:
         _refuse(import_path, "damping", "not a tuple of batches")
     for frames in damping:
         _check_frames(import_path, "damping", frames)
     for name in ("not_ready", "not_enabled"):
-        if not isinstance(_tried(import_path, name, getattr(tried, name)), str):
+        if not isinstance(_call(import_path, name, getattr(instance, name)), str):
             _refuse(import_path, name, "not a string")
     _check_shape(
         import_path,
         "not_confirmed_off",
-        _tried(import_path, "not_confirmed_off", tried.not_confirmed_off),
+        _call(import_path, "not_confirmed_off", instance.not_confirmed_off),
         (n,),
     )
-    replies = _tried(import_path, "replies", lambda: tried.replies(no_frames()))
+    replies = _call(import_path, "replies", lambda: instance.replies(no_frames()))
     if not isinstance(replies, Replies):
         _refuse(import_path, "replies", "not Replies")
     _check_shape(import_path, "replies", replies.values, (3, 0))
@@ -110,13 +112,14 @@ def _members(protocol: type) -> tuple[str, ...]:
 
 def _methods(protocol: type) -> tuple[str, ...]:
     """Public methods of a protocol, which a class has before it is built."""
-    whole = {name: value for base in protocol.__mro__[:-1] for name, value in vars(base).items()}
+    members = {name: value for base in protocol.__mro__[:-1] for name, value in vars(base).items()}
     return tuple(
-        name for name in _members(protocol) if isinstance(whole.get(name), FunctionType | staticmethod)
+        name for name in _members(protocol) if isinstance(members.get(name), FunctionType | staticmethod)
     )
 
 
-def _tried(import_path: str, name: str, act: Callable[[], Any]) -> Any:
+def _call(import_path: str, name: str, act: Callable[[], Any]) -> Any:
+    """Result of the member `name` of an external class; raises UserError if it fails."""
     try:
         return act()
     except UserError:

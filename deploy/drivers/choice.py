@@ -8,7 +8,7 @@ import numpy as np
 from footfall.common.errors import UserError, naming
 from footfall.common.outside import is_import_path
 from footfall.deploy.drivers import foot_force
-from footfall.deploy.drivers.checks import imu_driver_at, motor_driver_at, open_outside
+from footfall.deploy.drivers.checks import imu_driver_at, motor_driver_at, open_external
 from footfall.deploy.drivers.damiao import DamiaoDriver
 from footfall.deploy.drivers.driver import CanFilter, Driver, MotorDriver
 from footfall.deploy.drivers.identifiers import check_identifiers
@@ -80,22 +80,22 @@ def open_driver(wiring: Wiring) -> Driver:
         UserError: a motor or a motor id without a driver, conflicting identifiers on a bus, or an external
             driver that does not fit.
     """
-    parts = [(_opened(driver, wiring.take(joints)), joints) for driver, joints in by_driver(wiring)]
+    parts = [(_open(driver, wiring.take(joints)), joints) for driver, joints in by_driver(wiring)]
     return parts[0][0] if len(parts) == 1 else MixedDriver(parts)
 
 
-def _opened(driver: type[MotorDriver], wiring: Wiring) -> Driver:
-    return driver(wiring) if driver in DRIVERS else open_outside(driver, wiring)
+def _open(driver: type[MotorDriver], wiring: Wiring) -> Driver:
+    return driver(wiring) if driver in DRIVERS else open_external(driver, wiring)
 
 
 def _check_drive_limit(wiring: Wiring, joint: int, driver: type[MotorDriver]) -> None:
     """Raises UserError if a driver cannot set the drive limit that robot.yaml has for a joint."""
-    limit, sets = wiring.drive_limit[joint], getattr(driver, "drive_limits", ())
-    if limit and limit not in sets:
-        instead = f"drive_limit: {' or '.join(sets)}" if sets else "no drive_limit"
+    limit, supported = wiring.drive_limit[joint], getattr(driver, "drive_limits", ())
+    if limit and limit not in supported:
+        advice = f"drive_limit: {' or '.join(supported)}" if supported else "no drive_limit"
         raise UserError(
             f"joint {wiring.joint_names[joint]}: {driver.maker} motors have no {limit} limit that a frame"
-            f" sets: use {instead}"
+            f" sets: use {advice}"
         )
 
 
@@ -122,7 +122,7 @@ def open_imu(wiring: Wiring, attitude: AttitudeConfig | None = None) -> ImuDrive
         attitude: settings of the filter; None for the defaults.
 
     Raises:
-        UserError: as for `imu_driver_class`, or it is on the wrong kind of bus.
+        UserError: as for `imu_driver_class`, or the IMU is on the wrong kind of bus.
     """
     driver = imu_driver_class(wiring.imu_protocol)(wiring.imu_channel)
     bus = wiring.buses[wiring.imu_channel]

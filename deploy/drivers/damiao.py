@@ -4,14 +4,15 @@ Commands are those of `mit.py`. A reply has the motor's host id (MST_ID, to be s
 id) and a different content: byte 0 is `state << 4 | id`, byte 6 the temperature of the MOSFETs, byte 7 that
 of the rotor.
 
-The ranges of the codes are registers of the motor (PMAX, VMAX, TMAX), read before it is enabled. So are its
-control mode, which must be MIT, and its communication timeout, which is written if it is off or too long.
+The ranges of the codes are registers of the motor (PMAX, VMAX, TMAX), read before it is enabled. Its control
+mode, which must be MIT, and its communication timeout are read, too. The timeout is written if it is off or
+too long.
 `id_low id_high 33 register 00 00 00 00` on 0x7FF reads a register. The reply has the host id, and the value
 in the last four bytes, little-endian. `id_low id_high 55 register value` writes it until the motor loses
 power; the reply has the same bytes.
 
-Replies on registers share the identifier of the readings, in which their bytes would mean a disabled motor at
-one end of its range. They may be late: bytes 1 to 3 distinguish them from readings at any time.
+A reply on a register has the same identifier as a reading. Decoded as a reading, it would be a disabled motor
+at one end of its range. Such a reply may be late: bytes 1 to 3 distinguish it from a reading at any time.
 """
 
 import struct
@@ -51,7 +52,7 @@ _NAMES = {
     VELOCITY_MAX: "VMAX (register 22)",
     TORQUE_MAX: "TMAX (register 23)",
 }
-WHOLE = (TIMEOUT, MODE)  # integer registers; the others are floats
+INTEGERS = (TIMEOUT, MODE)  # integer registers; the others are floats
 MIT_MODE = 1
 
 OFF, ON = 0, 1  # states that are not faults
@@ -71,7 +72,7 @@ ERRORS = {
 }
 
 _ALL = slice(None)
-_ACCESS, _REGISTER = (np.isin(np.arange(256), codes) for codes in ((READ, WRITE), REGISTERS))  # by byte
+_IS_ACCESS, _IS_REGISTER = (np.isin(np.arange(256), codes) for codes in ((READ, WRITE), REGISTERS))  # by byte
 
 
 class DamiaoDriver(PolledDriver):
@@ -92,7 +93,7 @@ class DamiaoDriver(PolledDriver):
         self._was_on, self._is_on = np.zeros((2, n), dtype=bool)
         self._outgoing = to_every_motor(wiring)
         self._last_layout: Layout | None = None  # layout of the last batch with all motors in joint order
-        self._use(self._ranges)
+        self._use_ranges(self._ranges)
 
     @staticmethod
     def identifiers(motor_id: int) -> tuple[int, ...]:
@@ -109,7 +110,7 @@ class DamiaoDriver(PolledDriver):
         usable &= (frames.data[:, 0] & 0xF) == (sender & 0xF)
         return np.where(usable, sender, -1)
 
-    def _use(self, ranges: list[MotorRange]) -> None:
+    def _use_ranges(self, ranges: list[MotorRange]) -> None:
         self._codec = mit.Codec.of(ranges)
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
@@ -139,18 +140,18 @@ class DamiaoDriver(PolledDriver):
         for joint, row in zip(motor.tolist(), data, strict=True):
             if row[2] == READ:
                 register = int(row[3])
-                (value,) = struct.unpack("<I" if register in WHOLE else "<f", row[4:].tobytes())
+                (value,) = struct.unpack("<I" if register in INTEGERS else "<f", row[4:].tobytes())
                 self._settings.note(joint, register, value)
         if not self._settings.problem():
-            self._use(
+            self._use_ranges(
                 [
                     replace(
-                        delivered,
+                        factory,
                         position=known[POSITION_MAX],
                         velocity=known[VELOCITY_MAX],
                         torque=known[TORQUE_MAX],
                     )
-                    for delivered, known in zip(self._ranges, self._settings.known, strict=True)
+                    for factory, known in zip(self._ranges, self._settings.known, strict=True)
                 ]
             )
 
@@ -189,7 +190,7 @@ class DamiaoDriver(PolledDriver):
 
 def _about_registers(data: np.ndarray) -> np.ndarray:
     """Frames (k, 8) that report or confirm a register: no possible reading has these bytes."""
-    return (data[:, 1] == 0) & _ACCESS[data[:, 2]] & _REGISTER[data[:, 3]]
+    return (data[:, 1] == 0) & _IS_ACCESS[data[:, 2]] & _IS_REGISTER[data[:, 3]]
 
 
 def _problem(known: Known) -> str:

@@ -51,7 +51,7 @@ class FootForceReader:
         """`channel` (feet,): index of each sensor's bus."""
         self._channel = channel.tolist()
         self.identifiers = identifiers(len(channel))
-        self._samples = [SampleCounter() for _ in self._channel]
+        self._counters = [SampleCounter() for _ in self._channel]
         self._force = [math.nan] * len(self._channel)
         self._arrived_us = [-MAX_AGE_US] * len(self._channel)
 
@@ -63,7 +63,7 @@ class FootForceReader:
             if channel != self._channel[foot] or length != FRAME_BYTES:
                 continue
             force, counter = decode(row.tobytes())
-            if self._samples[foot].is_new(counter):
+            if self._counters[foot].is_new(counter):
                 self._force[foot], self._arrived_us[foot] = force, arrived_us
 
     def force(self, now_us: int) -> np.ndarray:

@@ -29,13 +29,13 @@ def check_identifiers(
         if identifier in imu_identifiers:
             raise UserError(f"the IMU and a foot's force sensor would both use identifier {identifier:#05x}")
         taken[channel, identifier] = "a foot's force sensor"
-    for joint, of_motor in enumerate(identifiers):
+    for joint, identifiers_of in enumerate(identifiers):
         channel, label = int(wiring.channel[joint]), wiring.label(joint)
-        own = of_motor(int(wiring.motor_id[joint]))
+        own = identifiers_of(int(wiring.motor_id[joint]))
         for identifier in own:
             if (channel, identifier) in taken:
                 other = taken[channel, identifier]
                 raise UserError(
-                    f"{label} and {other} would both use identifier {identifier:#05x}: change its id"
+                    f"{label} and {other} would both use identifier {identifier:#05x}: change a motor's id"
                 )
         taken.update(dict.fromkeys(((channel, identifier) for identifier in own), label))

@@ -25,10 +25,10 @@ class MixedDriver:
     def _by_joint(self, rows: tuple[int, ...], read: Callable[[Driver], np.ndarray]) -> np.ndarray:
         """Values of all drivers by joint, (*rows, n)."""
         values = [read(driver) for driver, _ in self._parts]
-        whole = np.zeros((*rows, self._n), values[0].dtype)
+        result = np.zeros((*rows, self._n), values[0].dtype)
         for part, (_, joints) in zip(values, self._parts, strict=True):
-            whole[..., joints] = part
-        return whole
+            result[..., joints] = part
+        return result
 
     def _joined(self, frames: Callable[[Driver], Frames]) -> Frames:
         return joined([frames(driver) for driver, _ in self._parts])
@@ -79,9 +79,9 @@ class MixedDriver:
         return tuple(joined([each[turn % len(each)] for each in batches]) for turn in range(turns))
 
     def replies(self, frames: Frames) -> Replies:
-        plain = frames.can_frames()
+        classic = frames.can_frames()
         parts = [
-            (driver.replies(frames if takes_fd(driver.filters) else plain), joints)
+            (driver.replies(frames if takes_fd(driver.filters) else classic), joints)
             for driver, joints in self._parts
         ]
         times = [replies.time_us for replies, _ in parts if replies.time_us is not None]

@@ -5,8 +5,7 @@ subframes and is padded with NOP. A subframe writes, reads or reports some regis
 
 | byte | content |
 | --- | --- |
-| 0 | 0x00 write, 0x10 read, 0x20 reply; plus 0, 4, 8, 12 for int8, int16, int32, float; plus a count up to 3
-|
+| 0 | 0x00 write, 0x10 read, 0x20 reply; plus 0, 4, 8, 12: int8, int16, int32, float; plus a count up to 3 |
 | next | the count, unless byte 0 has it |
 | next | first register, a number in 7-bit groups, the least significant first |
 | rest | values, little-endian; none in a read |
@@ -26,7 +25,7 @@ import numpy as np
 from footfall.deploy.frames import EXTENDED, FD
 
 MODEL = "moteus"
-HOST = 0x7D  # address of this host: replies have no identifier of an IMU or a foot sensor
+HOST = 0x7D  # address of this host: with it no reply has an identifier of an IMU or a foot sensor
 REPLY_ASKED = 0x80
 NOP = 0x50
 SIZES = np.array([*range(9), 12, 16, 20, 24, 32, 48, 64])  # possible lengths of a CAN FD frame, bytes
@@ -41,8 +40,8 @@ TIMEOUT_UNIT_S = 0.001  # unit of an int16
 QUERY = bytes.fromhex("11 00 1f 01 13 0d")  # mode; position, velocity, torque; voltage, temperature, fault
 STOP = bytes.fromhex("01 00 00") + QUERY
 ZERO = bytes.fromhex("0d b1 02 00 00 00 00") + QUERY  # sets the current position to 0.0
-# Position mode; six floats from 0x020 on (position, velocity, torque, scales of kp and kd, torque limit,
-# where NaN keeps the drive's own), a timeout; no limits of velocity and acceleration; no integral term.
+# Position mode; six floats from 0x020 on (position, velocity, torque, scales of kp and kd, torque limit; with
+# NaN the drive keeps its own limit), a timeout; no limits of velocity and acceleration; no integral term.
 COMMAND_HEAD, COMMAND_TIMEOUT = bytes.fromhex("01 00 0a 0c 06 20"), bytes.fromhex("05 27")
 COMMAND_TAIL = bytes.fromhex("02 28 ff ff 01 2b 00") + QUERY
 FLOATS = slice(len(COMMAND_HEAD), len(COMMAND_HEAD) + 20)  # in a command

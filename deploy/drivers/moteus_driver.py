@@ -70,13 +70,13 @@ class MoteusDriver(PolledDriver):
     @staticmethod
     def senders(frames: Frames) -> np.ndarray:
         frames = frames.fd_frames()
-        return np.where(_answers(frames), frames.id >> 8 & 0x7F, -1)
+        return np.where(_is_reply(frames), frames.id >> 8 & 0x7F, -1)
 
     def query_settings(self) -> Frames:
         """Reads of the torque limit if robot.yaml has one; a different limit is written before."""
-        settings_read = self._settings.questions()
-        rows = [moteus.padded(moteus.limit_access(each.write), 1) for each in settings_read]
-        motor = np.array([each.motor for each in settings_read], np.intp)
+        questions = self._settings.questions()
+        rows = [moteus.padded(moteus.limit_access(each.write), 1) for each in questions]
+        motor = np.array([each.motor for each in questions], np.intp)
         data = np.concatenate([data for data, _ in rows]) if rows else np.zeros((0, 64), np.uint8)
         length = np.array([length for _, length in rows], np.intp)
         return Frames(self._wiring.channel[motor], self._identifier[motor], data, length)
@@ -113,12 +113,12 @@ class MoteusDriver(PolledDriver):
     def replies(self, frames: Frames) -> Replies:
         frames = frames.fd_frames()
         motor = self._lookup[frames.channel, frames.id >> 8 & 0x7F]
-        answers = (motor >= 0) & (frames.id & 0x80FF == moteus.HOST)
-        for row in np.flatnonzero(answers & (frames.length < moteus.REPLY_BYTES)).tolist():
+        to_host = (motor >= 0) & (frames.id & 0x80FF == moteus.HOST)
+        for row in np.flatnonzero(to_host & (frames.length < moteus.REPLY_BYTES)).tolist():
             limit = moteus.reported_limit(frames.data[row, : frames.length[row]].tobytes())
             if limit is not None:
                 self._settings.note(int(motor[row]), moteus.TORQUE_LIMIT, limit)
-        usable = (motor >= 0) & _answers(frames)
+        usable = (motor >= 0) & _is_reply(frames)
         motor, frames = motor[usable], frames.take(usable)
         floats = np.ascontiguousarray(frames.data[:, 5:17]).view("<f4").astype(float).T
         usable = np.isfinite(floats).all(axis=0)
@@ -143,9 +143,9 @@ class MoteusDriver(PolledDriver):
         return ERRORS.get(code, f"fault {code}")
 
 
-def _answers(frames: Frames) -> np.ndarray:
+def _is_reply(frames: Frames) -> np.ndarray:
     """Frames of CAN FD that reply to `moteus.QUERY`, (k,) bool."""
-    found = (frames.id & 0x80FF == moteus.HOST) & (frames.length >= moteus.REPLY_BYTES)
+    matches = (frames.id & 0x80FF == moteus.HOST) & (frames.length >= moteus.REPLY_BYTES)
     for index, byte in moteus.REPLY_HEADS.items():
-        found &= frames.data[:, index] == byte
-    return np.asarray(found)
+        matches &= frames.data[:, index] == byte
+    return np.asarray(matches)

@@ -8,8 +8,8 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 | --- | --- | --- |
 | 0x01 heartbeat | axis, every 100 ms | active errors u32, state u8, result u8, trajectory done u8 |
 | 0x04 read or write | host | 0 to read or 1 to write, u8; endpoint u16; 0 u8; value to write |
-| 0x05 was read | axis, after a read | 0 u8; endpoint u16; 0 u8; value |
-| 0x05 read value | axis, after a read | 0 u8; endpoint u16; 0 u8; value |
+| 0x05 reply to a read | axis | 0 u8; endpoint u16; 0 u8; value |
+| 0x07 state | host | u32 (1 idle, 8 closed loop) |
 | 0x09 encoder | axis, at its set rate | position f32, velocity f32: turns and turns/s of the rotor |
 | 0x0B controller mode | host | control u32 (1 torque, 2 velocity), input u32 (1 passed through) |
 | 0x0D input velocity | host | f32, turns/s of the rotor; f32, N m at the rotor on top |
@@ -22,10 +22,10 @@ Identifiers have 11 bits, `node << 5 | message`; numbers are little-endian. As o
 | 0x1C torques | axis, at its set rate | target f32, estimate f32: N m at the rotor |
 
 Only a read gets a reply: an axis broadcasts its measurements. `encoder_msg_rate_ms` and `torques_msg_rate_ms`
-must be set to a joint tick. Its watchdog, which is off by default, must be enabled with at most
-`timeout_s` of robot.yaml. It is read before an axis is enabled, if robot.yaml has its
-`watchdog_endpoints`: endpoint ids differ between firmwares, and are in the `flat_endpoints.json` of each.
-The id of `axis0.config.motor.current_soft_max` is `current_endpoint`; it is written and read back if
+must be set to a joint tick. An axis' watchdog, which is off by default, must be enabled with at most
+`timeout_s` of robot.yaml. The watchdog is read before the axis is enabled, if robot.yaml has its
+`watchdog_endpoints`: endpoint ids differ between firmwares, and are in each firmware's `flat_endpoints.json`.
+The id of `axis0.config.motor.current_soft_max` is `current_endpoint`; this limit is written and read back if
 robot.yaml has a current limit.
 """
 
@@ -39,7 +39,7 @@ from footfall.deploy.wiring import Wiring
 MODEL = "ODrive"
 NODES = range(1, 63)  # 63 addresses all nodes
 
-HEARTBEAT, READ, WAS_READ, STATE, ENCODER, MODE, TORQUE = 0x01, 0x04, 0x05, 0x07, 0x09, 0x0B, 0x0E
+HEARTBEAT, READ, READ_REPLY, STATE, ENCODER, MODE, TORQUE = 0x01, 0x04, 0x05, 0x07, 0x09, 0x0B, 0x0E
 VELOCITY, GAINS = 0x0D, 0x1B
 TEMPERATURE, SUPPLY, CLEAR, POSITION, TORQUES = 0x15, 0x17, 0x18, 0x19, 0x1C
 IDLE, CLOSED_LOOP = 1, 8

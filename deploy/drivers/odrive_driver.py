@@ -12,11 +12,11 @@ from footfall.deploy.drivers.settings import Limit, Settings
 from footfall.deploy.frames import Frames, frame_bits, joined
 from footfall.deploy.wiring import Wiring
 
-# A torque computed from a reading is right only for a short time. With an older reading, counted in commands,
-# no torque is sent, and only this number of readings may come without a torque.
+# Age of a reading, in commands, from which on no torque is sent: a torque computed from a reading is right
+# only for a short time.
 MAX_READING_AGE = 5
+MAX_WITHOUT_TORQUE = 25  # largest number of consecutive readings of the position without one of the torque
 ENABLE_EVERY = 100  # ticks; longer than a heartbeat takes to confirm enable
-MAX_WITHOUT_TORQUE = 25
 CURRENT_LIMIT = 0  # number of the only setting of `Settings` here
 
 
@@ -44,7 +44,7 @@ class OdriveDriver:
         {"can_id": message, "can_mask": 0x1F, "extended": False}
         for message in (
             odrive.HEARTBEAT,
-            odrive.WAS_READ,
+            odrive.READ_REPLY,
             odrive.ENCODER,
             odrive.TEMPERATURE,
             odrive.SUPPLY,
@@ -145,7 +145,7 @@ class OdriveDriver:
         return self._frames(odrive.STATE, 4, odrive.word_bytes(len(self._gear), odrive.IDLE))
 
     def not_confirmed_off(self) -> np.ndarray:
-        """By heartbeat: an axis sends its readings both enabled and disabled."""
+        """Mask (n,) by the heartbeats: an axis sends its readings both enabled and disabled."""
         state = self._axes.state
         return np.asarray((state == 0) | (state == odrive.CLOSED_LOOP))
 
@@ -183,7 +183,7 @@ class OdriveDriver:
         axes, message = self._axes, frames.id & 0x1F
         node = np.where(frames.id < 0x800, frames.id >> 5, 0)
         motor = self._lookup[frames.channel, node]
-        usable = (motor >= 0) & ((frames.length == 8) | (message == odrive.WAS_READ) & (frames.length > 4))
+        usable = (motor >= 0) & ((frames.length == 8) | (message == odrive.READ_REPLY) & (frames.length > 4))
         if not usable.all():
             frames, motor, message = frames.take(usable), motor[usable], message[usable]
         first, second = odrive.floats(frames.data)
@@ -215,24 +215,24 @@ class OdriveDriver:
             axis, content = motor[rows], data[rows]
             first, second = odrive.floats(content)
             finite = np.isfinite(first) & np.isfinite(second)
-            sound = axis[finite]
+            finite_axis = axis[finite]
             if kind == odrive.HEARTBEAT:
                 self._note_heartbeats(axis, content)
-            elif kind == odrive.WAS_READ:
+            elif kind == odrive.READ_REPLY:
                 self._watchdogs.note(axis, content)
                 limited = odrive.endpoint_of(content) == self._wiring.current_endpoint[axis]
                 for joint, value in zip(axis[limited].tolist(), second[limited].tolist(), strict=True):
                     self._limits.note(joint, CURRENT_LIMIT, value)
             elif kind == odrive.TORQUES:
-                axes.values[2, sound] = second[finite] * self._gear[sound]
-                axes.without_torque[sound] = 0
+                axes.values[2, finite_axis] = second[finite] * self._gear[finite_axis]
+                axes.without_torque[finite_axis] = 0
             elif kind == odrive.TEMPERATURE:
-                axes.temperature[sound] = np.maximum(first, second)[finite]
+                axes.temperature[finite_axis] = np.maximum(first, second)[finite]
             elif kind == odrive.SUPPLY:
-                axes.voltage[sound], axes.current[sound] = first[finite], second[finite]
+                axes.voltage[finite_axis], axes.current[finite_axis] = first[finite], second[finite]
 
     def _note_heartbeats(self, motor: np.ndarray, data: np.ndarray) -> None:
-        """An enabled axis that reports disabled has a fault."""
+        """Store heartbeats (k, 8). An axis that was enabled and reports disabled has a fault."""
         axes, state = self._axes, data[:, 4]
         on = state == odrive.CLOSED_LOOP
         axes.state[motor] = state

@@ -23,22 +23,22 @@ class Watchdogs:
     def note(self, motor: np.ndarray, data: np.ndarray) -> None:
         """Store frames (k, 8) of axes (k,) with values: enable in byte 4, or a time in bytes 4 to 7."""
         endpoint, (_, number) = odrive.endpoint_of(data), odrive.floats(data)
-        switch, time = (endpoint == self._endpoints[which, motor] for which in (0, 1))
-        self._known[0, motor[switch]] = data[switch, 4] != 0
-        self._known[1, motor[time]] = number[time]
+        is_enable, is_timeout = (endpoint == self._endpoints[row, motor] for row in (0, 1))
+        self._known[0, motor[is_enable]] = data[is_enable, 4] != 0
+        self._known[1, motor[is_timeout]] = number[is_timeout]
 
     def problem(self) -> str:
         """First axis whose watchdog does not permit enabling it, with the reason; empty if all permit it."""
-        longest_s, given = self._wiring.timeout_s, self._endpoints[0] > 0
-        on, waits_s = self._known
+        longest_s, declared = self._wiring.timeout_s, self._endpoints[0] > 0
+        enabled, timeout_s = self._known
         for wrong, what in (
-            (np.isnan(on + waits_s), "has not reported its watchdog (check watchdog_endpoints)"),
-            (on == 0.0, "has its watchdog disabled (set enable_watchdog)"),
-            (~_within(waits_s, longest_s), "has a watchdog of {0:g} s (set watchdog_timeout to {1:g})"),
+            (np.isnan(enabled + timeout_s), "has not reported its watchdog (check watchdog_endpoints)"),
+            (enabled == 0.0, "has its watchdog disabled (set enable_watchdog)"),
+            (~_within(timeout_s, longest_s), "has a watchdog of {0:g} s (set watchdog_timeout to {1:g})"),
         ):
-            if (wrong & given).any():
-                joint = int((wrong & given).argmax())
-                return f"motor {self._wiring.label(joint)} {what.format(waits_s[joint], longest_s[joint])}"
+            if (wrong & declared).any():
+                joint = int((wrong & declared).argmax())
+                return f"motor {self._wiring.label(joint)} {what.format(timeout_s[joint], longest_s[joint])}"
         return ""
 
 

@@ -45,11 +45,11 @@ class OrientedImu:
     def absorb(self, frames: Frames, now_us: int) -> None:
         """Decode frames; a new sample advances the attitude by the time since the previous one."""
         self._driver.absorb(frames, now_us)
-        arrived_us, before_us = self._driver.arrived_us, self._updated_us
-        if arrived_us is None or arrived_us == before_us:
+        arrived_us, previous_us = self._driver.arrived_us, self._updated_us
+        if arrived_us is None or arrived_us == previous_us:
             return
         self._updated_us = arrived_us
         gyro, acceleration, quaternion = self._driver.reading
-        elapsed_s = 0.0 if before_us is None else 1e-6 * (arrived_us - before_us)
+        elapsed_s = 0.0 if previous_us is None else 1e-6 * (arrived_us - previous_us)
         attitude = self._estimator.update(gyro, acceleration, elapsed_s)
         self.reading = Inertial(gyro, acceleration, quaternion if attitude is None else attitude.quaternion)

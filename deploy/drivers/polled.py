@@ -24,11 +24,12 @@ class Orders(NamedTuple):
 class PolledDriver:
     """Common parts of such drivers. A subclass adds the rest of `MotorDriver`.
 
-    `maker`, `models`, `motor_end`, `filters`, `identifiers`, `lowest`, `highest`, `gain_rounding`, `command`,
-    `replies` and `error_name`, and for motors with settings `query_settings` and `not_ready`.
+    The rest is `maker`, `models`, `motor_end`, `filters`, `identifiers`, `lowest`, `highest`,
+    `gain_rounding`, `command`, `replies` and `error_name`, and for motors with settings `query_settings` and
+    `not_ready`.
     """
 
-    answers_each_frame = True  # exactly once, and nothing else: then a second host is detectable
+    answers_each_frame = True  # motors reply once to each frame, and send nothing else: shows a second host
 
     def __init__(self, wiring: Wiring, orders: Orders, extended: bool = False) -> None:
         """Frames have 8 bytes, and identifiers of 29 bits if `extended`.

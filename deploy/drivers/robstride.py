@@ -32,15 +32,15 @@ HOST = 0xFD
 CONTROL, FEEDBACK, ENABLE, STOP, ZERO, READ, WRITE, FAULT = 1, 2, 3, 4, 6, 17, 18, 21
 TIMEOUT_STEP_S = 50e-6  # unit of the timeout: in the manual, 20000 is a second
 
-_TURNS = 4 * math.pi
+_POSITION_RAD = 4 * math.pi
 RANGES = {
-    "RS00": MotorRange(33.0, 14.0, _TURNS),
-    "RS01": MotorRange(44.0, 17.0, _TURNS),
-    "RS02": MotorRange(44.0, 17.0, _TURNS),
-    "RS03": MotorRange(20.0, 60.0, _TURNS, kp=5000.0, kd=100.0),
-    "RS04": MotorRange(15.0, 120.0, _TURNS, kp=5000.0, kd=100.0),
-    "RS05": MotorRange(50.0, 5.5, _TURNS),
-    "RS06": MotorRange(50.0, 36.0, _TURNS, kp=5000.0, kd=100.0),
+    "RS00": MotorRange(33.0, 14.0, _POSITION_RAD),
+    "RS01": MotorRange(44.0, 17.0, _POSITION_RAD),
+    "RS02": MotorRange(44.0, 17.0, _POSITION_RAD),
+    "RS03": MotorRange(20.0, 60.0, _POSITION_RAD, kp=5000.0, kd=100.0),
+    "RS04": MotorRange(15.0, 120.0, _POSITION_RAD, kp=5000.0, kd=100.0),
+    "RS05": MotorRange(50.0, 5.5, _POSITION_RAD),
+    "RS06": MotorRange(50.0, 36.0, _POSITION_RAD, kp=5000.0, kd=100.0),
 }
 
 RUN_MODE, TORQUE_LIMIT, TIMEOUT = PARAMETERS = (0x7005, 0x700B, 0x7028)
@@ -77,7 +77,7 @@ REPORTED_FAULTS = {
 }
 
 _WORDS = np.dtype(">u2")
-REPLIED = [0, 1, 4]
+REPLY_ROWS = [0, 1, 4]  # rows of a `JointCommand` whose ranges a reply uses
 _ALL = slice(None)
 
 
@@ -213,7 +213,7 @@ class RobstrideDriver(PolledDriver):
             self._note_other_frames(frames.take(~usable & (motor >= 0)))
             motor, frames = motor[usable], frames.take(usable)
         words = words_of(frames.data)
-        values = self._codec.values(words[:3], REPLIED, motor)
+        values = self._codec.values(words[:3], REPLY_ROWS, motor)
         running = frames.id >> 22 & 3 == RUNNING
         error = (frames.id >> 16 & 0x3F).astype(np.uint8)
         error[~running & self._was_on[motor]] |= UNEXPECTED_OFF

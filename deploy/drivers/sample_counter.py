@@ -1,4 +1,4 @@
-"""Order of an IMU's samples, by their counter."""
+"""Order of a sensor's samples, by their counter."""
 
 COUNTER_VALUES = 0x10000  # values of a 16-bit counter before it wraps around
 MAX_STEP = 32  # samples: a larger step may be a flipped bit
@@ -7,8 +7,8 @@ MAX_STEP = 32  # samples: a larger step may be a flipped bit
 class SampleCounter:
     """Distinguishes new samples from repeated and older ones.
 
-    A step larger than `MAX_STEP` is accepted once the next sample confirms it: forward, the IMU was silent;
-    backward, it has restarted or its frames are replayed.
+    A step larger than `MAX_STEP` is accepted once the next sample confirms it. After a step forward the
+    sensor was silent; after a step backward it has restarted, or its frames are replayed.
     """
 
     def __init__(self) -> None:

@@ -62,7 +62,7 @@ class SerialImu:
 
     @staticmethod
     def length_of(waiting: bytes) -> int | None:
-        """Length of the message that starts here; 0 if none does, None if too few bytes have arrived."""
+        """Length of the message that starts with `waiting`; 0 if none does, None if more bytes are needed."""
         raise NotImplementedError
 
     @staticmethod

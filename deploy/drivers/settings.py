@@ -9,7 +9,7 @@ import numpy as np
 from footfall.deploy.wiring import Wiring
 
 ASK_AGAIN = 10  # ticks until a question without a reply is repeated
-NONE = "no communication timeout"
+NO_TIMEOUT = "no communication timeout"
 
 Known = Mapping[int, float]  # settings of one motor by the maker's numbers
 
@@ -65,12 +65,12 @@ class Settings:
         self._wiring, self._timeout, self._check, self._limit = wiring, timeout, check, limit
         self._names = [dict(names) for _ in self.known]  # for each motor
         if timeout is not None:
-            self._longest = np.rint(wiring.timeout_s / timeout.step_s).astype(int).tolist()
+            self._max_counts = np.rint(wiring.timeout_s / timeout.step_s).astype(int).tolist()
         if limit is not None:
             for motor in np.flatnonzero(~np.isnan(limit.highest)).tolist():
                 self._names[motor][limit.setting] = limit.name
         self._waits = [0] * len(self.known)  # ticks until a question is repeated
-        self._good = False
+        self._complete = False
 
     def questions(self) -> list[Question]:
         """Questions of this tick: at most one for each motor, and none before it is due."""
@@ -79,7 +79,7 @@ class Settings:
             setting = next((number for number in self._names[motor] if number not in known), None)
             write = None
             if setting is None and self._timeout is not None and self._timeout_problem(motor):
-                setting, write = self._timeout.setting, self._longest[motor]
+                setting, write = self._timeout.setting, self._max_counts[motor]
             elif setting is None and self._limit is not None and self._limit_problem(motor):
                 setting, write = self._limit.setting, float(self._limit.highest[motor])
             if setting is None:
@@ -98,9 +98,8 @@ class Settings:
         self.known[motor][setting] = value
 
     def problem(self) -> str:
-        """First motor with a missing or wrong setting, and the setting; empty once all settings were
-        right."""
-        if self._good:
+        """First motor with a missing or wrong setting, and the setting; empty once all were right."""
+        if self._complete:
             return ""
         for motor, known in enumerate(self.known):
             names = self._names[motor].items()
@@ -108,7 +107,7 @@ class Settings:
             problem = f"has not reported its {missing}" if missing else self._check(known)
             if problem := problem or self._timeout_problem(motor) or self._limit_problem(motor):
                 return f"motor {self._wiring.label(motor)} {problem}"
-        self._good = True
+        self._complete = True
         return ""
 
     def _timeout_problem(self, motor: int) -> str:
@@ -116,11 +115,11 @@ class Settings:
         if self._timeout is None:
             return ""
         step_s = self._timeout.step_s
-        count, longest = self.known[motor][self._timeout.setting], self._longest[motor]
-        if 0 < count <= longest:
+        count, max_count = self.known[motor][self._timeout.setting], self._max_counts[motor]
+        if 0 < count <= max_count:
             return ""
-        found = f"a communication timeout of {count * step_s:g} s" if count else NONE
-        return f"has {found}, and does not accept {longest * step_s:g} s"
+        found = f"a communication timeout of {count * step_s:g} s" if count else NO_TIMEOUT
+        return f"has {found}, and does not accept {max_count * step_s:g} s"
 
     def _limit_problem(self, motor: int) -> str:
         """Problem of a motor's reported limit; empty for none."""

@@ -44,8 +44,8 @@ class XsensCanImu:
         """`channel` is the index of the IMU's bus."""
         self._channel = channel
         self._groups = SampleCounter()
-        self._open: set[int] = set()  # identifiers missing from the current group
-        self._new = False  # whether the group is new, instead of repeated
+        self._missing: set[int] = set()  # identifiers missing from the current group
+        self._group_is_new = False  # whether the group is new, instead of repeated
         self._arrived_us: dict[int, int | None] = dict.fromkeys(PARTS)
         self.reading = LEVEL
 
@@ -56,7 +56,10 @@ class XsensCanImu:
 
     @property
     def oldest(self) -> str:
-        ages = {part: -math.inf if at is None else at for part, at in self._arrived_us.items()}
+        ages = {
+            part: -math.inf if arrived_us is None else arrived_us
+            for part, arrived_us in self._arrived_us.items()
+        }
         return PARTS[min(ages, key=ages.__getitem__)]
 
     @property
@@ -75,14 +78,14 @@ class XsensCanImu:
     def _absorb_frame(self, identifier: int, data: bytes, arrived_us: int) -> None:
         if identifier == COUNTER_ID:
             new = self._groups.is_new(*_COUNT.unpack(data))
-            self._open, self._new = set() if new is None else set(PARTS), bool(new)
+            self._missing, self._group_is_new = set() if new is None else set(PARTS), bool(new)
             return
         values = _decoded(identifier, data)
-        if identifier not in self._open or values is None:
+        if identifier not in self._missing or values is None:
             return
-        self._open.remove(identifier)
+        self._missing.remove(identifier)
         self.reading = self.reading._replace(**{PARTS[identifier]: values})
-        if self._new:
+        if self._group_is_new:
             self._arrived_us[identifier] = arrived_us
 
 

@@ -29,7 +29,7 @@ class Attitude(NamedTuple):
     bias_variance: float  # (rad/s)^2
 
 
-def at_rest(gyro: Vector, acceleration: Vector, config: AttitudeConfig) -> Attitude:
+def attitude_at_rest(gyro: Vector, acceleration: Vector, config: AttitudeConfig) -> Attitude:
     """Attitude of a robot at rest, with a yaw of zero.
 
     Args:
@@ -42,15 +42,15 @@ def at_rest(gyro: Vector, acceleration: Vector, config: AttitudeConfig) -> Attit
     x, y, z = x / length, y / length, z / length
     # Smallest rotation from the vertical in the body frame to the world's z axis.
     quaternion = _unit(1.0 + z, y, -x, 0.0) if z > -0.999999 else (0.0, 1.0, 0.0, 0.0)
-    return began_as(quaternion, gyro, config)._replace(bias=gyro)
+    return initial_attitude(quaternion, gyro, config)._replace(bias=gyro)
 
 
-def began_as(quaternion: Sequence[float], gyro: Sequence[float], config: AttitudeConfig) -> Attitude:
+def initial_attitude(quaternion: Sequence[float], gyro: Sequence[float], config: AttitudeConfig) -> Attitude:
     """Initial estimate from a known attitude and a gyro, rad/s, without bias."""
     w, x, y, z = quaternion
     gx, gy, gz = gyro
-    start = config.start_tilt**2, 0.0, config.start_bias**2
-    return Attitude((w, x, y, z), (0.0, 0.0, 0.0), (gx, gy, gz), *start)
+    variances = config.start_tilt**2, 0.0, config.start_bias**2
+    return Attitude((w, x, y, z), (0.0, 0.0, 0.0), (gx, gy, gz), *variances)
 
 
 def advanced(
@@ -70,20 +70,20 @@ def advanced(
     turn = half * (gx + lx) - dt_s * bx, half * (gy + ly) - dt_s * by, half * (gz + lz) - dt_s * bz
     quaternion = _turned(before.quaternion, turn)
     # F P F' + Q of tilt' = tilt - bias dt.
-    tilt, cross, bias = before.tilt_variance, before.covariance, before.bias_variance
-    tilt += dt_s * (dt_s * bias - 2.0 * cross + config.gyro_noise**2)
-    cross -= dt_s * bias
-    bias += dt_s * config.bias_drift**2
-    ex, ey, ez = _shown_tilt(acceleration, _up(quaternion))
+    tilt_variance, covariance, bias_variance = before.tilt_variance, before.covariance, before.bias_variance
+    tilt_variance += dt_s * (dt_s * bias_variance - 2.0 * covariance + config.gyro_noise**2)
+    covariance -= dt_s * bias_variance
+    bias_variance += dt_s * config.bias_drift**2
+    ex, ey, ez = _indicated_tilt(acceleration, _up(quaternion))
     noise = (config.acceleration_noise / GRAVITY_M_S2) ** 2 / dt_s
-    tilt_gain, bias_gain = tilt / (tilt + noise), cross / (tilt + noise)
+    tilt_gain, bias_gain = tilt_variance / (tilt_variance + noise), covariance / (tilt_variance + noise)
     return Attitude(
         _turned(quaternion, (tilt_gain * ex, tilt_gain * ey, tilt_gain * ez)),
         (bx + bias_gain * ex, by + bias_gain * ey, bz + bias_gain * ez),
         gyro,
-        tilt - tilt_gain * tilt,
-        cross - tilt_gain * cross,
-        bias - bias_gain * cross,
+        tilt_variance - tilt_gain * tilt_variance,
+        covariance - tilt_gain * covariance,
+        bias_variance - bias_gain * covariance,
     )
 
 
@@ -101,7 +101,7 @@ def leveled(
         config: settings.
     """
     ux, uy, uz = up = _up(attitude.quaternion)
-    ex, ey, ez = _shown_tilt(bias, up)
+    ex, ey, ez = _indicated_tilt(bias, up)
     (gx, gy, gz), gain = attitude.bias, config.legs_bias_hz
     upward = bias[0] * ux + bias[1] * uy + bias[2] * uz
     corrected = attitude._replace(
@@ -125,12 +125,12 @@ class AttitudeEstimator:
         first."""
         (gx, gy, gz), (ax, ay, az) = gyro, acceleration
         if self.attitude is None:
-            self._rest((gx, gy, gz, ax, ay, az), dt_s)
+            self._average_rest((gx, gy, gz, ax, ay, az), dt_s)
         elif dt_s > 0.0:
             self.attitude = advanced(self.attitude, (gx, gy, gz), (ax, ay, az), dt_s, self._config)
         return self.attitude
 
-    def _rest(self, reading: tuple[float, ...], dt_s: float) -> None:
+    def _average_rest(self, reading: tuple[float, ...], dt_s: float) -> None:
         if max(map(abs, reading[:3])) > self._config.rest_rad_s:
             self._sum, self._count, self._rested_s = [0.0] * 6, 0, 0.0
             return
@@ -139,7 +139,7 @@ class AttitudeEstimator:
         self._count += 1
         if self._rested_s >= self._config.rest_s:
             gx, gy, gz, ax, ay, az = (total / self._count for total in self._sum)
-            self.attitude = at_rest((gx, gy, gz), (ax, ay, az), self._config)
+            self.attitude = attitude_at_rest((gx, gy, gz), (ax, ay, az), self._config)
 
 
 def _up(quaternion: Quaternion) -> Vector:
@@ -148,7 +148,7 @@ def _up(quaternion: Quaternion) -> Vector:
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-def _shown_tilt(acceleration: Sequence[float], up: Vector) -> Vector:
+def _indicated_tilt(acceleration: Sequence[float], up: Vector) -> Vector:
     """Tilt error indicated by an acceleration (m/s^2) besides gravity: horizontal, rad, body frame."""
     x, y, z = (value / GRAVITY_M_S2 for value in acceleration)
     ux, uy, uz = up

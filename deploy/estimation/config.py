@@ -61,7 +61,7 @@ class GyroConfig:
     """Estimation of the gyro bias."""
 
     bias_filter_s: float = 10.0  # averaging time in the long run
-    bias_half_s: float = 0.2  # time at which the weight is 50 %: noise of the orientation over the usual bias
+    bias_half_s: float = 0.2  # averaging time with weight 50 %: noise of the orientation over the usual bias
 
     def __post_init__(self) -> None:
         _require_positive(self, "bias_filter_s", "bias_half_s")

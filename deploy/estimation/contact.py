@@ -26,7 +26,9 @@ class ContactEstimator:
         low, high = config.force_share
         self._min_force, self._force_span = low * even_force, (high - low) * even_force
         self._even_force = even_force
-        self._carried = config.carried_share * GRAVITY_M_S2
+        self._carried_m_s2 = (
+            config.carried_share * GRAVITY_M_S2
+        )  # reading from which on the feet carry the base
         self.probability = [1.0] * legs.count
         self._error = np.full(legs.count, even_force)  # N, mean error of each sensor; unusable at first
 
@@ -76,9 +78,9 @@ class ContactEstimator:
         share = 1.0 - math.exp(-dt_s / config.rise_s)
         planned = [1.0] * len(force) if plan is None else plan.tolist()
         # A foot that lifts off is fast immediately, but its force is filtered: the accelerometer is quicker.
-        carried = min(max(float(up.dot(sensed.acceleration)) / self._carried, 0.0), 1.0)
-        for leg, pressed in enumerate(force.tolist()):
-            load = (pressed - low) / span
+        carried = min(max(float(up.dot(sensed.acceleration)) / self._carried_m_s2, 0.0), 1.0)
+        for leg, leg_force in enumerate(force.tolist()):
+            load = (leg_force - low) / span
             contact = carried * planned[leg] * (0.0 if load < 0.0 else 1.0 if load > 1.0 else load)
             before = self.probability[leg]
             # Contact is lost immediately and gained slowly: a landing foot bounces and slips first.

@@ -14,18 +14,18 @@ class ContactPoints:
 
     def __init__(self, legs: Legs, level_m: float) -> None:
         self._legs, self._level = legs, level_m
-        self.round = all(  # whether each foot is one sphere around its tip
+        self.spherical = all(  # whether each foot is one sphere around its tip
             len(spheres.radius) == 1 and not spheres.centre.any() for spheres in legs.spheres
         )
         self._radius = np.array([spheres.radius[:1] for spheres in legs.spheres])  # if all feet are spheres
         max_count = max(len(spheres.radius) for spheres in legs.spheres)
         # x, y, z, radius and 1 of each sphere: weighted sums give the mean. Padding has infinite height.
         self._spheres = np.zeros((legs.count, max_count, 5))
-        self._floats = np.full((legs.count, max_count), np.inf)
+        self._height_offset = np.full((legs.count, max_count), np.inf)
         for leg, (position, radius) in enumerate(legs.spheres):
             own = slice(len(radius))
             self._spheres[leg, own] = np.column_stack([position, radius, np.ones_like(radius)])
-            self._floats[leg, own] = -radius
+            self._height_offset[leg, own] = -radius
 
     def arms(self, joint_position: np.ndarray, up: np.ndarray) -> np.ndarray:
         """Vectors from each limb's tip to its contact point, (legs, 3) m, base frame.
@@ -34,11 +34,11 @@ class ContactPoints:
             joint_position: (n,) rad.
             up: (3,) vertical, base frame.
         """
-        if self.round:
+        if self.spherical:
             return self._radius * -up
-        turn = self._legs.tip_rotation(joint_position)
-        height = (self._spheres[:, :, :3] @ (up @ turn)[:, :, None])[:, :, 0] + self._floats
+        rotation = self._legs.tip_rotation(joint_position)
+        height = (self._spheres[:, :, :3] @ (up @ rotation)[:, :, None])[:, :, 0] + self._height_offset
         weight = np.exp((height.min(axis=1, keepdims=True) - height) / self._level)
         sums = (weight[:, None] @ self._spheres)[:, 0]
         mean = sums[:, :4] / sums[:, 4:]
-        return (turn @ mean[:, :3, None])[:, :, 0] - mean[:, 3:] * up
+        return (rotation @ mean[:, :3, None])[:, :, 0] - mean[:, 3:] * up

@@ -38,23 +38,23 @@ class MotionFilter:
         self.pp = self.pv = self.pb = self.vb = 0.0
         self.vv, self.bb = _AT_REST_M_S**2, self._config.acceleration_bias**2
 
-    def begin_at(self, position: Vector) -> None:
+    def set_position(self, position: Vector) -> None:
         """Set the position, m, without uncertainty, and keep the estimated motion."""
         self.position = position
         self.pp = self.pv = self.pb = 0.0
 
-    def predict(self, force: Vector, rotation: Matrix, dt_s: float) -> None:
+    def predict(self, specific_force: Vector, rotation: Matrix, dt_s: float) -> None:
         """p' = p + v dt + a dt^2 / 2, v' = v + a dt with the mean acceleration a between two readings.
 
         The noise grows with their difference, because shocks are sampled badly.
 
         Args:
-            force: reading of the accelerometer, m/s^2.
+            specific_force: reading of the accelerometer, m/s^2.
             rotation: body to world.
             dt_s: time between the two readings.
         """
         config = self._config
-        (fx, fy, fz), (bx, by, bz) = force, self.bias
+        (fx, fy, fz), (bx, by, bz) = specific_force, self.bias
         sx, sy, sz = fx - bx, fy - by, fz - bz
         ax, ay, az = [row_x * sx + row_y * sy + row_z * sz for row_x, row_y, row_z in rotation]
         az -= GRAVITY_M_S2
@@ -98,9 +98,9 @@ class MotionFilter:
         config = self._config
         vx, vy, vz = self.velocity
         total = sum_x = sum_y = sum_z = 0.0
-        for (leg_x, leg_y, leg_z), stands in zip(velocities, contact, strict=True):
+        for (leg_x, leg_y, leg_z), probability in zip(velocities, contact, strict=True):
             x, y, z = leg_x - vx, leg_y - vy, leg_z - vz
-            variance = self._leg_variance / max(stands * stands, self._min_share) ** 2
+            variance = self._leg_variance / max(probability * probability, self._min_share) ** 2
             misfit = (x * x + y * y + z * z) / (3.0 * (self.vv + variance))
             certainty = 1.0 / (variance * (1.0 + misfit / config.outlier_freedom))
             total += certainty

@@ -56,8 +56,8 @@ class GyroBias:
             mz += share * (0.5 * (gz + gyro[2]) - rate * tz - mz)
             self._mean = [mx, my, mz]
             # The mean's noise is the orientation's divided by the time; the ratio of variances is its square.
-            trust = time_s**2 / (time_s**2 + self._config.bias_half_s**2)
-            self.bias = [trust * mx, trust * my, trust * mz]
+            weight = time_s**2 / (time_s**2 + self._config.bias_half_s**2)
+            self.bias = [weight * mx, weight * my, weight * mz]
         self._last = gyro, quaternion
         bx, by, bz = self.bias
         return [gyro[0] - bx, gyro[1] - by, gyro[2] - bz]

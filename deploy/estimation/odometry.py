@@ -40,7 +40,7 @@ class DelayUncertainty:
 
     def reset(self) -> None:
         """Start with zero lag."""
-        self._before: Sequence[float] | None = None  # filtered velocity
+        self._filtered: Sequence[float] | None = None  # filtered velocity
         self._xx = self._xy = self._xz = self._yy = self._yz = self._zz = 0.0
 
     @property
@@ -51,11 +51,11 @@ class DelayUncertainty:
 
     def advance(self, velocity: Sequence[float], dt_s: float) -> None:
         """Add a time step with a velocity (x, y, z), m/s."""
-        (vx, vy, vz), (bx, by, bz) = velocity, self._before or velocity
+        (vx, vy, vz), (fx, fy, fz) = velocity, self._filtered or velocity
         share = dt_s / (self._config.latency_s + dt_s)
-        bx, by, bz = bx + share * (vx - bx), by + share * (vy - by), bz + share * (vz - bz)
-        self._before = bx, by, bz
-        x, y, z = vx - bx, vy - by, vz - bz
+        fx, fy, fz = fx + share * (vx - fx), fy + share * (vy - fy), fz + share * (vz - fz)
+        self._filtered = fx, fy, fz
+        x, y, z = vx - fx, vy - fy, vz - fz
         share = dt_s / (self._config.latency_filter_s + dt_s)
         self._xx += share * (x * x - self._xx)
         self._xy += share * (x * y - self._xy)
@@ -78,34 +78,34 @@ class PoseUncertainty:
 
     def reset(self) -> None:
         """Start at the current pose."""
-        self._time = self._distance = self._fallen = 0.0
+        self._time = self._distance = self._fall_variance = 0.0
         self._yaw_x = self._yaw_y = 0.0  # covariance of position and yaw
         self._xx = self._xy = self._yy = 0.0  # covariance of the position due to the yaw
 
-    def fell(self) -> None:
+    def add_fall(self) -> None:
         """Add a fall, in which the robot slid, rolled and got up along an unknown path."""
-        self._fallen += self._config.fall_m**2
+        self._fall_variance += self._config.fall_m**2
 
     def advance(self, velocity: Sequence[float], dt_s: float) -> None:
         """Add a time step with a velocity (x, y, z), m/s."""
         x, y, _ = velocity
         self._time += dt_s
         self._distance += math.hypot(x, y) * dt_s
-        yaw = self._config.yaw_drift**2 * self._time * dt_s
-        self._yaw_x -= yaw * y
-        self._yaw_y += yaw * x
+        yaw_variance_s = self._config.yaw_drift**2 * self._time * dt_s
+        self._yaw_x -= yaw_variance_s * y
+        self._yaw_y += yaw_variance_s * x
         self._xx -= 2.0 * dt_s * y * self._yaw_x
         self._xy += dt_s * (x * self._yaw_x - y * self._yaw_y)
         self._yy += 2.0 * dt_s * x * self._yaw_y
 
-    def covariance(self, moved: np.ndarray) -> np.ndarray:
+    def covariance(self, displacement: np.ndarray) -> np.ndarray:
         """Covariance of position and yaw, (4, 4), after a displacement (3,), m, with z integrated."""
         config = self._config
         result = np.zeros((4, 4))
         result[:2, :2] = (self._xx, self._xy), (self._xy, self._yy)
         result[:2, YAW] = result[YAW, :2] = self._yaw_x, self._yaw_y
         result[YAW, YAW] = config.orientation_noise**2 + config.yaw_drift**2 * self._time
-        result[:3, :3] += config.scale_error**2 * np.outer(moved, moved)
-        result[:3, :3] += (config.slip**2 * self._distance + self._fallen) * np.eye(3)
+        result[:3, :3] += config.scale_error**2 * np.outer(displacement, displacement)
+        result[:3, :3] += (config.slip**2 * self._distance + self._fall_variance) * np.eye(3)
         result[2, 2] += (config.climb_error * self._distance) ** 2
         return result

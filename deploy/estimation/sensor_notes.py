@@ -28,12 +28,12 @@ class SensorNotes:
 
     def reset(self) -> None:
         """Start the trial again; notes are kept."""
-        self._since_s = 0.0
+        self._elapsed_s = 0.0
 
     def update(self, untrusted: np.ndarray, dt_s: float) -> None:
         """Add notes on sensors that are not trusted, (legs,) bool, `dt_s` after the last call."""
-        self._since_s += dt_s
-        if self._since_s <= self._trial_s:
+        self._elapsed_s += dt_s
+        if self._elapsed_s <= self._trial_s:
             return
         for foot in np.flatnonzero(untrusted & ~self._noted):
             self.notes.append(UNTRUSTED.format(self._feet[foot]))

@@ -59,10 +59,10 @@ class LogColumns:
 
     def column(self, topic: str, numbers: int) -> Column:
         """Last `numbers` values of each message of a topic."""
-        found = self.columns.get(topic, Column(np.zeros(0), np.zeros((0, numbers))))
-        if found.values.shape[1] < numbers:
+        column = self.columns.get(topic, Column(np.zeros(0), np.zeros((0, numbers))))
+        if column.values.shape[1] < numbers:
             raise UserError(f"{self.log.path}: messages of {topic} are shorter than those of a footfall run")
-        return Column(found.time_s, found.values[:, found.values.shape[1] - numbers :])
+        return Column(column.time_s, column.values[:, column.values.shape[1] - numbers :])
 
     @cached_property
     def readings(self) -> Column:

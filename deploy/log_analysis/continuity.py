@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 AROUND = 5  # number of samples before and after a step for the comparison
-TIMES_LARGER = 2.0  # smallest ratio of a jump to each of these steps
-FOOT_JUMP_M = 0.005  # ... plus this, for a foot
-JOINT_JUMP_RAD = 0.03  # ... plus this, for a joint
+TIMES_LARGER = 2.0  # a jump is larger than each of these steps times this, plus one of the next two:
+FOOT_JUMP_M = 0.005  # smallest additional size of a foot's jump
+JOINT_JUMP_RAD = 0.03  # smallest additional size of a joint's jump
 
 
 class Continuity(NamedTuple):
@@ -32,10 +32,10 @@ def continuity(time_s: np.ndarray, paths: np.ndarray, min_step: float) -> Contin
     padded = np.pad(steps, ((AROUND, AROUND), (0, 0)))
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1, axis=0)
     around = np.delete(windows, AROUND, axis=2).max(axis=2)
-    found = np.argwhere(steps > TIMES_LARGER * around + min_step)
+    jumps = np.argwhere(steps > TIMES_LARGER * around + min_step)
     row, path = np.unravel_index(int(steps.argmax()), steps.shape)
     return Continuity(
         float(steps[row, path]),
         float(time_s[row + 1]),
-        [(float(time_s[row + 1]), int(path), float(steps[row, path])) for row, path in found],
+        [(float(time_s[row + 1]), int(path), float(steps[row, path])) for row, path in jumps],
     )

@@ -32,10 +32,10 @@ class CsvTable(NamedTuple):
         """
         values = np.empty((len(self.rows), len(columns)))
         for index, column in enumerate(columns):
-            values[:, index] = self._named(column) if isinstance(column, str) else column
+            values[:, index] = self._column(column) if isinstance(column, str) else column
         return values
 
-    def of(self, chosen: Mapping[str, Column], names: Sequence[str], what: str) -> np.ndarray:
+    def take_named(self, chosen: Mapping[str, Column], names: Sequence[str], what: str) -> np.ndarray:
         """Values for each joint or foot, (T, n).
 
         Args:
@@ -53,7 +53,7 @@ class CsvTable(NamedTuple):
             raise UserError(f"{what} of the map {wrong}: the robot has {', '.join(names)}")
         return self.take([chosen[name] if name in chosen else chosen[ALL] for name in names])
 
-    def _named(self, name: str) -> list[float]:
+    def _column(self, name: str) -> list[float]:
         if name not in self.names:
             raise UserError(f"{self.path} has no column '{name}': it has {', '.join(self.names)}")
         index = self.names.index(name)

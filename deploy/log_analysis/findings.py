@@ -34,7 +34,7 @@ class LogFindings:
         ]
 
     @cached_property
-    def decided(self) -> Column:
+    def policy_targets(self) -> Column:
         """Position targets from the policy, (T, n)."""
         count = len(self.columns.joints)
         time_s, values = self.columns.column("/policy/command", 5 * count)
@@ -56,9 +56,9 @@ class LogFindings:
         return Column(time_s[start:][:MAX_POSES], values[start:, :count][:MAX_POSES])
 
     @cached_property
-    def decided_feet(self) -> np.ndarray:
+    def target_feet(self) -> np.ndarray:
         """Positions of the feet for the policy's targets, (T, feet, 3) m."""
-        return self.feet(Column(*(part[:MAX_POSES] for part in self.decided)))
+        return self.feet(Column(*(part[:MAX_POSES] for part in self.policy_targets)))
 
     @cached_property
     def measured_feet(self) -> np.ndarray:
@@ -69,13 +69,13 @@ class LogFindings:
         """Continuity of each kind of path: kind, unit, names of the paths, finding."""
         joints = self.columns.joints
         found = [
-            ("joint target", "rad", joints, _of_joints(self.decided)),
+            ("joint target", "rad", joints, _of_joints(self.policy_targets)),
             ("joint reading", "rad", joints, _of_joints(self.measured)),
         ]
         if self.robot is not None:
             names = [foot.name for foot in self.robot.description.feet]
             for what, column, positions in (
-                ("foot target", self.decided, self.decided_feet),
+                ("foot target", self.policy_targets, self.target_feet),
                 ("foot path", self.measured, self.measured_feet),
             ):
                 finding = continuity(column.time_s[: len(positions)], positions, FOOT_JUMP_M)

@@ -82,12 +82,12 @@ def import_recording(
         estimator = BaseEstimator(robot, config)
     log = McapLog(out, robot, _Recording(), {"bus": RECORDED_BUS, "recording": source}, may_wait=True)
     try:
-        dated = recorded.start_s > UNIX_TIME_S
-        log.begin(round(1e9 * recorded.start_s) if dated else LOCKSTEP_START_NS)
+        is_unix_time = recorded.start_s > UNIX_TIME_S
+        log.begin(round(1e9 * recorded.start_s) if is_unix_time else LOCKSTEP_START_NS)
         log.state(0, State(Mode.WALKING))
         n = len(robot.joint_names)
         health = MotorHealth(np.zeros(n + 1), np.full(n, np.nan), np.full(n, np.nan), np.zeros(n))
-        before_us, next_us = 0, 0
+        previous_us, next_us = 0, 0
         for row, now_us in enumerate(recorded.time_us.tolist()):
             sensed = Sensed(
                 recorded.gyro[row],
@@ -103,10 +103,10 @@ def import_recording(
             if recorded.force is not None:
                 sensed = sensed._replace(foot_force=recorded.force[row])
             if row:
-                estimator.update(sensed, None, 1e-6 * (now_us - before_us))
+                estimator.update(sensed, None, 1e-6 * (now_us - previous_us))
             else:
                 estimator.reset(sensed)
-            before_us = now_us
+            previous_us = now_us
             if now_us >= next_us:
                 next_us = now_us + ODOMETRY_EVERY_US
                 log.odometry(now_us, estimator.odometry())

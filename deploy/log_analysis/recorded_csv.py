@@ -84,19 +84,19 @@ def read_csv(path: Path, columns: ColumnMap, robot: Robot) -> Recorded:
             time does not increase.
     """
     table = read_table(path)
-    n, feet = robot.joint_names, tuple(foot.name for foot in robot.description.feet)
+    joints, feet = robot.joint_names, tuple(foot.name for foot in robot.description.feet)
     seconds = columns.time_unit_s * table.take([columns.time])[:, 0]
     if len(seconds) < 2:
         raise UserError(f"{path} has fewer than two rows")
     if not (np.abs(seconds) < LATEST_S).all():
         raise UserError(f"{path}: {seconds[-1]:g} s is no time: give the unit of its times as time_unit_s")
     time_us = np.rint(1e6 * (seconds - seconds[0])).astype(np.int64)
-    late = np.flatnonzero(np.diff(time_us) <= 0)
-    if len(late):
-        raise UserError(f"{path}, line {late[0] + 3}: the time does not increase")
-    position = columns.angle_unit_rad * table.of(columns.joint_position, n, "joint_position")
+    not_later = np.flatnonzero(np.diff(time_us) <= 0)
+    if len(not_later):
+        raise UserError(f"{path}, line {not_later[0] + 3}: the time does not increase")
+    position = columns.angle_unit_rad * table.take_named(columns.joint_position, joints, "joint_position")
     if columns.joint_velocity:
-        velocity = columns.angle_unit_rad * table.of(columns.joint_velocity, n, "joint_velocity")
+        velocity = columns.angle_unit_rad * table.take_named(columns.joint_velocity, joints, "joint_velocity")
     else:
         velocity = np.zeros_like(position)
         velocity[1:] = np.diff(position, axis=0) / (1e-6 * np.diff(time_us))[:, None]
@@ -109,9 +109,11 @@ def read_csv(path: Path, columns: ColumnMap, robot: Robot) -> Recorded:
         quaternion=quaternion,
         position=position,
         velocity=velocity,
-        torque=table.of(columns.joint_torque, n, "joint_torque") if columns.joint_torque else None,
-        force=table.of(columns.foot_force, feet, "foot_force") if columns.foot_force else None,
-        command=_commands(table, columns, n) if columns.commanded else None,
+        torque=table.take_named(columns.joint_torque, joints, "joint_torque")
+        if columns.joint_torque
+        else None,
+        force=table.take_named(columns.foot_force, feet, "foot_force") if columns.foot_force else None,
+        command=_commands(table, columns, joints) if columns.commanded else None,
         imu=columns.gyro is not None,
     )
 
@@ -121,20 +123,20 @@ def _motion_of_base(table: CsvTable, columns: ColumnMap) -> tuple[np.ndarray, np
     quaternion = columns.quaternion
     if quaternion is None and columns.gyro is None:
         quaternion = LEVEL
-    found = None
+    quaternions = None
     if quaternion is not None:
-        found = table.take(quaternion)
-        length = np.linalg.norm(found, axis=1, keepdims=True)
+        quaternions = table.take(quaternion)
+        length = np.linalg.norm(quaternions, axis=1, keepdims=True)
         if not (length > 0.5).all():
             raise UserError(f"{table.path}: a quaternion's length is not 1")
-        found /= length
+        quaternions /= length
     if columns.gyro is None or columns.acceleration is None:
-        assert found is not None
-        return np.zeros((len(found), 3)), -GRAVITY_M_S2 * projected_gravity(found), found
+        assert quaternions is not None
+        return np.zeros((len(quaternions), 3)), -GRAVITY_M_S2 * projected_gravity(quaternions), quaternions
     mounting = np.array(columns.imu_mounting)
-    turn = rotation_matrix(mounting / np.linalg.norm(mounting)).T
-    gyro = columns.rate_unit_rad_s * table.take(columns.gyro) @ turn
-    return gyro, columns.acceleration_unit_m_s2 * table.take(columns.acceleration) @ turn, found
+    to_base = rotation_matrix(mounting / np.linalg.norm(mounting)).T
+    gyro = columns.rate_unit_rad_s * table.take(columns.gyro) @ to_base
+    return gyro, columns.acceleration_unit_m_s2 * table.take(columns.acceleration) @ to_base, quaternions
 
 
 def _commands(table: CsvTable, columns: ColumnMap, joints: tuple[str, ...]) -> np.ndarray:
@@ -144,7 +146,7 @@ def _commands(table: CsvTable, columns: ColumnMap, joints: tuple[str, ...]) -> n
     command = np.zeros((len(table.rows), len(COMMAND), len(joints)))
     for row, (name, unit) in enumerate(zip(COMMAND, units, strict=True)):
         if chosen := getattr(columns, name):
-            command[:, row] = unit * table.of(chosen, joints, name)
+            command[:, row] = unit * table.take_named(chosen, joints, name)
     for row in (2, 3):
         if (command[:, row] < 0.0).any():
             raise UserError(f"{table.path}: {COMMAND[row]} is negative")

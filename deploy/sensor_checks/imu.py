@@ -150,8 +150,8 @@ class RestError(BodyCheck):
         self._rest_s += elapsed_s
         if self._rest_s < limits.resting_s:
             return 0.0
-        ahead, left, up = self._mean
-        return math.hypot(ahead, left, up - GRAVITY_M_S2) / GRAVITY_M_S2
+        x, y, z = self._mean
+        return math.hypot(x, y, z - GRAVITY_M_S2) / GRAVITY_M_S2
 
 
 class _MeanAcceleration(BodyCheck):
@@ -187,10 +187,10 @@ class LateralError(_MeanAcceleration):
     limit = Limit("lateral_error")
 
     def measure(self, window: BodyWindow) -> float:
-        ahead, left, up = window.acceleration
-        share = min(1.0, self._max_value() * GRAVITY_M_S2 / max(math.hypot(ahead, left), 1e-9))
-        ahead, left, _ = self._updated(window._replace(acceleration=[share * ahead, share * left, up]))
-        return math.hypot(ahead, left) / GRAVITY_M_S2
+        x, y, z = window.acceleration
+        share = min(1.0, self._max_value() * GRAVITY_M_S2 / max(math.hypot(x, y), 1e-9))
+        x, y, _ = self._updated(window._replace(acceleration=[share * x, share * y, z]))
+        return math.hypot(x, y) / GRAVITY_M_S2
 
     def _max_value(self) -> float:
         """Largest value of a window, relative to gravity."""
@@ -205,7 +205,7 @@ class LongLateralError(LateralError):
     """
 
     memory = "long_lateral_memory_s"
-    quantity = "the same over seconds: an attitude that drifts slowly, with a gyro that agrees"
+    quantity = "mean horizontal acceleration over seconds: an attitude drifts slowly, and the gyro agrees"
     limit = Limit("long_lateral_error")
 
     def _max_value(self) -> float:

@@ -130,15 +130,15 @@ class TorqueStuck(JointCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._share, self._before, self._at_first = np.zeros((3, self._n))  # expected torques in N m
+        self._share, self._before, self._at_start = np.zeros((3, self._n))  # expected torques in N m
 
     def measure(self, window: JointWindow) -> np.ndarray:
         repeats = window.repeated[2] & (window.strongest < self._full)
-        change = np.abs(self._before - self._at_first)
+        change = np.abs(self._before - self._at_start)
         change = np.minimum(change, np.abs(self._before - window.torque))
-        shown = np.maximum(change - self._hidden - window.stiffness * self._reading_rad, 0.0)
-        self._share = repeats * (self._share + shown / self._peak)
-        self._at_first = np.where(repeats, self._at_first, window.expected)
+        significant = np.maximum(change - self._hidden - window.stiffness * self._reading_rad, 0.0)
+        self._share = repeats * (self._share + significant / self._peak)
+        self._at_start = np.where(repeats, self._at_start, window.expected)
         self._before = window.expected
         return self._share
 
@@ -161,15 +161,15 @@ class ReplyRepeated(JointCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._travel, self._before, self._at_first = np.zeros((3, self._n))  # rad, and expected N m
+        self._travel, self._before, self._at_start = np.zeros((3, self._n))  # rad, and expected N m
         self._repeated = np.zeros(self._n, bool)  # in the previous window
 
     def measure(self, window: JointWindow) -> np.ndarray:
         position, velocity, torque = window.repeated
         repeats = position & velocity & torque
-        self._at_first = np.where(repeats & self._repeated, self._at_first, window.expected)
-        change = np.abs(self._before - self._at_first)
-        shown = self._repeated & (change > self._hidden + window.stiffness * self._reading_rad)
+        self._at_start = np.where(repeats & self._repeated, self._at_start, window.expected)
+        change = np.abs(self._before - self._at_start)
+        changed = self._repeated & (change > self._hidden + window.stiffness * self._reading_rad)
         self._travel = repeats * (self._travel + window.target_travel)
         self._before, self._repeated = window.expected, repeats
-        return shown * self._travel
+        return changed * self._travel

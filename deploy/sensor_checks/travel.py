@@ -79,7 +79,9 @@ class _SignedTravel(JointCheck):
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
         self._n, self._memory_s = len(robot.joint_names), getattr(limits, self.memory)
         self._late_memory_s, self._min_rad_s = limits.drift_memory_s, limits.creep_rad_s
-        self._trusted = min(1.0, 0.5 * IMPACT_S / sample_s)  # of a sum of velocities that may miss an impact
+        self._trusted_share = min(
+            1.0, 0.5 * IMPACT_S / sample_s
+        )  # of a sum of velocities that may miss an impact
         self._lag_s = limits.filter_s + sample_s / 2  # of a velocity with a jump between two readings
         self.reset()
 
@@ -87,18 +89,18 @@ class _SignedTravel(JointCheck):
         self._error, self._late_s, self._fastest = np.zeros((3, self._n))  # rad, s, rad/s; all decay
 
     def _updated(
-        self, window: JointWindow, counts: np.ndarray | float = 1.0, moves: np.ndarray | float = 1.0
+        self, window: JointWindow, running: np.ndarray | float = 1.0, used: np.ndarray | float = 1.0
     ) -> np.ndarray:
         """Sum after another window.
 
         Args:
             window: the window.
-            counts: 0 to restart the sum, (n,).
-            moves: 0 to ignore the window, (n,).
+            running: 0 to restart the sum, (n,).
+            used: 0 to ignore the window, (n,).
         """
         kept = math.exp(-window.elapsed_s / self._memory_s)
         bound = self.max_rad_s * window.elapsed_s
-        self._error = counts * (kept * self._error + moves * clamped(window.position_error, -bound, bound))
+        self._error = running * (kept * self._error + used * clamped(window.position_error, -bound, bound))
         kept = math.exp(-window.elapsed_s / self._late_memory_s)  # late readings have arrived since then
         self._late_s = kept * self._late_s + window.late_s
         self._fastest = np.maximum(kept * self._fastest, np.abs(window.joints[1]))
@@ -109,7 +111,7 @@ class _SignedTravel(JointCheck):
 class Wander(_SignedTravel):
     """Signed error, for a drifting encoder."""
 
-    quantity = "sum of these signed errors: an encoder drifts"
+    quantity = "signed sum of errors of position against velocity: an encoder drifts"
     message = "its position has drifted by {0:.2f} rad against its velocity"
     limit = Limit("wander_rad")
 
@@ -129,7 +131,7 @@ class Creep(_SignedTravel):
 
     memory = "creep_memory_s"
     max_rad_s = CREEP_RAD_S
-    quantity = "the same sum over seconds: an encoder drifts slowly"
+    quantity = "signed sum of these errors over seconds: an encoder drifts slowly"
     message = "its position has crept by {0:.2f} rad against its velocity"
     limit = Limit("creep_rad")
 
@@ -144,17 +146,17 @@ class Creep(_SignedTravel):
 
     def measure(self, window: JointWindow) -> np.ndarray:
         self._rest_s = np.where(window.speed > self._min_rad_s, 0.0, self._rest_s + window.elapsed_s)
-        moves = (self._rest_s < REST_S) & (window.late_s < 0.5 * IMPACT_S)
+        used = (self._rest_s < REST_S) & (window.late_s < 0.5 * IMPACT_S)
         kept = math.exp(-window.elapsed_s / self._memory_s)
-        self._jolts = kept * self._jolts + moves * window.jolts
-        error = self._updated(window, moves=moves) - self._uncertain_s * self._jolts
-        return self._trusted * error
+        self._jolts = kept * self._jolts + used * window.jolts
+        error = self._updated(window, used=used) - self._uncertain_s * self._jolts
+        return self._trusted_share * error
 
 
 class Stuck(_SignedTravel):
     """Signed error while position or velocity repeats exactly."""
 
-    quantity = "the same sum while position or velocity is constant: an encoder is stuck"
+    quantity = "signed sum of these errors while position or velocity is constant: an encoder is stuck"
     message = "its position or velocity repeats itself, {0:.3f} rad against the other one"
     limit = Limit("stuck_rad")
 

@@ -115,23 +115,24 @@ class CommandsIgnored(JointCheck):
         self._windows: deque[np.ndarray] = deque()
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        late = math.ceil(self._limits.explained_s / window.elapsed_s)  # windows by which a report may lag
+        # A report may lag by this number of windows.
+        late_windows = math.ceil(self._limits.explained_s / window.elapsed_s)
         count = math.ceil(self._limits.commands_ignored_s / window.elapsed_s)
         self._windows.append(np.concatenate((window.mean, window.commanded_mean[None], window.gains)))
-        while len(self._windows) > count + late:
+        while len(self._windows) > count + late_windows:
             self._windows.popleft()
-        if len(self._windows) < count + late:
+        if len(self._windows) < count + late_windows:
             return np.zeros(self._n)
         position, velocity, torque, commanded, kp, kd = np.array(self._windows).transpose(1, 0, 2)
-        old = np.array([kp.argmin(axis=0), kp.argmax(axis=0)]), self._joints  # windows of old commands
-        readings = kp[old][:, None] * position
-        readings += kd[old][:, None] * velocity
-        shown = _deviation(torque + readings)
+        old_windows = np.array([kp.argmin(axis=0), kp.argmax(axis=0)]), self._joints
+        readings = kp[old_windows][:, None] * position
+        readings += kd[old_windows][:, None] * velocity
+        followed = _deviation(torque + readings)
         mean_position = np.add.reduce(position) / len(position)
         at_mean = commanded + kp * (position - mean_position) + kd * velocity
         changes = _changed(np.concatenate((commanded + readings, at_mean[None]))[:, :count])
         changed, changed_at_mean = changes[:2], changes[2]
-        ignored = (changed - shown) / np.maximum(changed, self._min_change)
+        ignored = (changed - followed) / np.maximum(changed, self._min_change)
         return np.where(changed_at_mean > self._min_change, np.maximum.reduce(ignored), 0.0)
 
 

@@ -1,4 +1,4 @@
-"""A CAN frame that stops the robot; if it is a heartbeat, its absence does so, too."""
+"""A CAN frame that stops the robot. If it is a heartbeat, its absence stops the robot, too."""
 
 import numpy as np
 

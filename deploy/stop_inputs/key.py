@@ -15,7 +15,7 @@ EV_KEY, RELEASED = 1, 0
 KEYS = 0x300  # number of codes
 EVIOCGRAB = 0x4004_4590  # exclusive access: the device's key presses reach no other program
 EVIOCGKEY = 2 << 30 | KEYS // 8 << 16 | ord("E") << 8 | 0x18  # state of all keys, one bit each
-AT_ONCE = 64  # events per read
+EVENTS_PER_READ = 64  # events per read
 
 
 class StopKeyInput:
@@ -43,20 +43,20 @@ class StopKeyInput:
     @property
     def stopped(self) -> Stop | None:
         if self._stop is None:
-            self._look()
+            self._read_events()
         return self._stop
 
-    def _look(self) -> None:
+    def _read_events(self) -> None:
         try:
-            content = os.read(self._file, AT_ONCE * EVENT.size)
+            content = os.read(self._file, EVENTS_PER_READ * EVENT.size)
         except BlockingIOError:
             return
         except OSError:
             content = b""
-        whole = len(content) // EVENT.size * EVENT.size
-        if not whole:
+        size = len(content) // EVENT.size * EVENT.size
+        if not size:
             self._stop = self._stopped_by(f"the stop key {self._key.device} is gone")
-        for _, _, kind, code, value in EVENT.iter_unpack(content[:whole]):
+        for _, _, kind, code, value in EVENT.iter_unpack(content[:size]):
             if kind == EV_KEY and value != RELEASED and self._key.code in (None, code):
                 self._stop = self._stopped_by(f"stopped by key {code} of {self._key.device}")
 

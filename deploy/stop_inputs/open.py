@@ -30,7 +30,7 @@ def stop_inputs(robot: Robot, wiring: Wiring, bus: Bus) -> Iterator[tuple[Bus, S
     """The bus for the loop, and the stop inputs; closed at the end of the context.
 
     Raises:
-        UserError: one cannot be opened, or its identifier is already used by a motor or sensor.
+        UserError: a stop input cannot be opened, or a motor or sensor already uses its identifier.
     """
     declared, sources = robot.description.stop_inputs, list[StopSource]()
     with ExitStack() as resources:

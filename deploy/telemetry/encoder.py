@@ -38,7 +38,10 @@ class Encoder:
     """Encoder for the records of one run."""
 
     def __init__(self, begin: dict[str, Any], put: Put) -> None:
-        """Args: `begin`, the content of a run's first record; `put`, called with each message."""
+        """Encoder without records. `begin` is the content of a run's first record.
+
+        `put` is called with each message.
+        """
         self._put = put
         self._names = tuple(begin["joints"])
         self._start_ns = begin["start_ns"]
@@ -49,7 +52,7 @@ class Encoder:
         self._transforms = Transforms(begin.get("links", []), put)
         self._scene = SceneFeeder(begin, put)
         self._health = Health(begin["robot"], self._names, put)
-        self._takes = {  # further users of a record's content
+        self._consumers = {  # further users of a record's content
             Kind.ODOMETRY: (self._transforms.odometry, self._scene.odometry),
             Kind.CONTACTS: (self._scene.contacts,),
             Kind.FOOTHOLDS: (self._scene.footholds,),
@@ -66,8 +69,8 @@ class Encoder:
     def encode(self, kind: Kind, now_us: int, content: bytes) -> None:
         """Encode a record."""
         time_ns = self._last_ns = self._start_ns + now_us * 1000
-        for take in self._takes.get(kind, ()):
-            take(content)
+        for consume in self._consumers.get(kind, ()):
+            consume(content)
         if kind in ARRAYS:
             topic, size = ARRAYS[kind]
             self._array(topic, time_ns, content, size)

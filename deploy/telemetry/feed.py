@@ -45,19 +45,19 @@ def listen(path: Path) -> socket.socket:
     Raises:
         UserError: the socket cannot be created, or another run serves it.
     """
-    found = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         _remove_dead(path)
-        before = os.umask(0o077)
+        old_mask = os.umask(0o077)
         try:
-            found.bind(os.fspath(path))
+            listener.bind(os.fspath(path))
         finally:
-            os.umask(before)
-        found.listen(MAX_SUBSCRIBERS)
+            os.umask(old_mask)
+        listener.listen(MAX_SUBSCRIBERS)
     except OSError as error:
-        found.close()
+        listener.close()
         raise UserError(f"cannot serve a feed at {path}: {error.strerror or error}") from None
-    return found
+    return listener
 
 
 def _remove_dead(path: Path) -> None:
@@ -79,7 +79,7 @@ class Feed:
     def __init__(self, listener: socket.socket, metadata: dict[str, str]) -> None:
         self._listener = listener
         listener.setblocking(False)
-        self._begin = MCAP0_MAGIC + _bytes(Header("ros2", "footfall"), Metadata(METADATA, metadata))
+        self._preamble = MCAP0_MAGIC + _bytes(Header("ros2", "footfall"), Metadata(METADATA, metadata))
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._sent: list[int] = []  # number of messages of each channel
@@ -136,8 +136,8 @@ class Feed:
             for waiting in self._waiting.values():
                 waiting.extend(_bytes(DataEnd(0), Footer(0, 0, 0)) + MCAP0_MAGIC)
         until = time.monotonic() + timeout_s
-        while self.writable and (left := until - time.monotonic()) > 0.0:
-            select.select([], self.writable, [], left)
+        while self.writable and (remaining_s := until - time.monotonic()) > 0.0:
+            select.select([], self.writable, [], remaining_s)
             self.serve()
         for subscriber in list(self._waiting):
             self._drop(subscriber)
@@ -150,21 +150,21 @@ class Feed:
                 subscriber.close()
                 return
             subscriber.setblocking(False)
-            self._waiting[subscriber] = bytearray(self._begin + b"".join(self._latest.values()))
+            self._waiting[subscriber] = bytearray(self._preamble + b"".join(self._latest.values()))
 
     def _register(self, topic: str) -> int:
         """Define a topic for current and later subscribers."""
-        how, records = TOPICS[topic], list[McapRecord]()
-        if how.kind not in self._schemas:
-            number = self._schemas[how.kind] = len(self._schemas) + 1
-            schema = Schema(number, definition(how.kind).encode(), "ros2msg", how.kind)
+        topic_type, records = TOPICS[topic], list[McapRecord]()
+        if topic_type.kind not in self._schemas:
+            number = self._schemas[topic_type.kind] = len(self._schemas) + 1
+            schema = Schema(number, definition(topic_type.kind).encode(), "ros2msg", topic_type.kind)
             records.append(schema)
         channel = self._channels[topic] = len(self._sent)
         self._sent.append(0)
-        qos = {"offered_qos_profiles": how.qos_profile}
-        records.append(Channel(channel, topic, "cdr", qos, self._schemas[how.kind]))
+        qos = {"offered_qos_profiles": topic_type.qos_profile}
+        records.append(Channel(channel, topic, "cdr", qos, self._schemas[topic_type.kind]))
         defined = _bytes(*records)
-        self._begin += defined
+        self._preamble += defined
         for waiting in self._waiting.values():
             waiting.extend(defined)
         return channel

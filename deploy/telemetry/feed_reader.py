@@ -115,8 +115,8 @@ class _Fields:
 
     def map(self) -> dict[str, str]:
         end = self.number("<I") + self._at
-        found = {}
+        entries = {}
         while self._at < end:
             name = self.text()  # in a separate line: in an assignment Python evaluates the right side first
-            found[name] = self.text()
-        return found
+            entries[name] = self.text()
+        return entries

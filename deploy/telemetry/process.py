@@ -159,9 +159,9 @@ def pass_on(source: int, sinks: Sinks, begin: dict[str, Any], arrived: bytearray
     encoder.end()
     sinks.end(encoder.complete)
     if not encoder.complete:
-        kept = "" if begin["path"] is None else f"; {begin['path']} has everything before that"
+        remainder = "" if begin["path"] is None else f"; {begin['path']} has everything before that"
         print(
-            f"footfall: {GONE}, in state {encoder.state}: motors are off after their timeout{kept}",
+            f"footfall: {GONE}, in state {encoder.state}: motors are off after their timeout{remainder}",
             file=sys.stderr,
         )
 

@@ -17,7 +17,7 @@ from footfall.robots.description import load_robot
 from footfall.robots.readings import Sensed
 from footfall.robots.rigid_body import nominal_body
 
-EVERY_NS = 50_000_000  # at most 20 Hz; 17 Hz of odometry at 50 Hz
+EVERY_NS = 50_000_000  # at most 20 Hz; every third odometry at 50 Hz, so 17 Hz
 TRAIL = 20  # number of a foot's latest positions shown as its path
 WEIGHT_ARROW_M = 0.4  # length of the arrow for a force equal to the robot's weight
 AHEAD_S = 0.5  # the arrow of a velocity shows the travel in this time
@@ -63,19 +63,19 @@ class Scene:
         position, velocity = odometry[:3], odometry[43:46]
         quaternion = np.roll(odometry[3:7], 1)
         balance = self._model.at(position, quaternion, velocity, sensed, contact)
-        markers = self._carried(balance)
+        markers = self._balance_markers(balance)
         yaw = yaw_of(quaternion.tolist())
         if footholds is not None:
-            markers += self._planned(position + footholds @ heading_matrix(yaw).T)
-        above = position + np.array([0.0, 0.0, 0.15])
-        ahead = heading_matrix(yaw) @ np.array([command[0], command[1], 0.0])
+            markers += self._foothold_markers(position + footholds @ heading_matrix(yaw).T)
+        start = position + np.array([0.0, 0.0, 0.15])
+        commanded = heading_matrix(yaw) @ np.array([command[0], command[1], 0.0])
         markers += [
-            arrow("commanded_velocity", above, above + AHEAD_S * ahead, GREEN),
-            arrow("velocity", above, above + AHEAD_S * rotation_matrix(quaternion) @ velocity, BLUE),
+            arrow("commanded_velocity", start, start + AHEAD_S * commanded, GREEN),
+            arrow("velocity", start, start + AHEAD_S * rotation_matrix(quaternion) @ velocity, BLUE),
         ]
         self._put("/markers", time_ns, marker_array(time_ns, ODOM, markers))
 
-    def _carried(self, balance: Balance) -> list[Marker]:
+    def _balance_markers(self, balance: Balance) -> list[Marker]:
         markers = [
             sphere("centre_of_mass", balance.centre, 0.04, ORANGE),
             disc("capture_point", balance.capture, 0.05, VIOLET),
@@ -89,7 +89,7 @@ class Scene:
                 markers.append(arrow("forces", foot, foot + self._metres_per_newton * force, RED, index))
         return markers
 
-    def _planned(self, positions: np.ndarray) -> list[Marker]:
+    def _foothold_markers(self, positions: np.ndarray) -> list[Marker]:
         planned = [
             (index, position) for index, position in enumerate(positions) if np.isfinite(position).all()
         ]

@@ -1,7 +1,8 @@
 """Collects the data for a scene, and loads the scene as soon as there is data.
 
-It needs NumPy and MuJoCo, which take half a second to import. With the wall clock this is done in parallel
-with the encoding, so the log of a killed run is complete; in lockstep before it, so the log is reproducible.
+A scene needs NumPy and MuJoCo, which take half a second to import. With the wall clock they are imported in
+parallel with the encoding, so the log of a killed run is complete; in lockstep before it, so the log is
+reproducible.
 """
 
 import threading
@@ -18,9 +19,9 @@ Put = Callable[[str, int, bytes], None]
 class SceneFeeder:
     """Passes parts of records, as bytes of float64, to a scene."""
 
-    def __init__(self, about: dict[str, Any], put: Put) -> None:
+    def __init__(self, begin: dict[str, Any], put: Put) -> None:
         """`about` is the content of a run's first record."""
-        self._about, self._put = about, put
+        self._begin, self._put = begin, put
         self._scene: Scene | None = None
         self._loading: threading.Thread | None = None
         self._odometry = self._contact = self._footholds = b""
@@ -32,7 +33,7 @@ class SceneFeeder:
         if self._loading is None:
             self._loading = threading.Thread(target=self._load)  # not a daemon, which would crash at exit
             self._loading.start()
-            if not self._about["paced"]:
+            if not self._begin["paced"]:
                 self._loading.join()
 
     def contacts(self, numbers: bytes) -> None:
@@ -64,4 +65,4 @@ class SceneFeeder:
         from footfall.deploy.telemetry.scene import Scene
 
         with suppress(UserError):  # if the robot's files have changed: no markers
-            self._scene = Scene(self._about["robot_folder"], self._about["robot_digest"], self._put)
+            self._scene = Scene(self._begin["robot_folder"], self._begin["robot_digest"], self._put)

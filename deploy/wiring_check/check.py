@@ -37,7 +37,7 @@ class WiringCheck:
         wiring: Wiring,
         driver: Driver,
         config: DeployConfig,
-        passed: Callable[[Sequence[Verdict]], None],
+        on_passed: Callable[[Sequence[Verdict]], None],
         in_background: bool,
         check: WiringCheckConfig | None = None,
     ) -> None:
@@ -48,7 +48,7 @@ class WiringCheck:
             wiring: its wiring.
             driver: driver of its motors, which may limit the gains.
             config: settings of the loop.
-            passed: called with all verdicts if the wiring is right.
+            on_passed: called with all verdicts if the wiring is right.
             in_background: whether the verdict is computed in a thread while the loop continues.
             check: motions and limits.
         """
@@ -60,9 +60,9 @@ class WiringCheck:
             math.sqrt(stiffness) * config.stand_kd_scale * robot.kd,
         ]
         self._base_gains = np.minimum(gains, self._highest[2:4])
-        self._gains = config.scale * self._base_gains  # gains after the drivers' limits
+        self._gains = config.scale * self._base_gains  # as sent: the joint layer scales commands
         self._clearance, self._sunk = Clearance(robot), config.safety.sensors.sunk
-        self._passed, self._in_background = passed, in_background
+        self._on_passed, self._in_background = on_passed, in_background
         self._motor_lag_s = self._check.motor_lag_s + self._check.motor_lag_ticks * config.tick_us * 1e-6
         self._zeros = np.zeros(len(robot.joint_names))
         self._thread: threading.Thread | None = None
@@ -146,7 +146,7 @@ class WiringCheck:
             fault = f"wiring: {verdict.fault}" if verdict.fault else ""
             self.verdicts.append(verdict)
             if not (fault or self.signals.due):
-                self._passed(self.verdicts)
+                self._on_passed(self.verdicts)
         except Exception as error:  # an exception in a thread would be lost
             fault = f"wiring: the check failed: {type(error).__name__}: {error}"
         self._thread = None

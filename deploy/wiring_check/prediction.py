@@ -68,10 +68,10 @@ class Prediction:
     ) -> Iterator[np.ndarray]:
         """Fill `values` step by step, and yield each response at the end of its motion."""
         data, model, n = self._data, self._model, len(centre)
-        ratio, about = cause.ratio, self._default
+        ratio, reference = cause.ratio, self._default
         units = cause.units(self.highest)
         pose = np.empty(n)
-        pose[cause.joint] = about + (units[0] * start - about) / ratio
+        pose[cause.joint] = reference + (units[0] * start - reference) / ratio
         self._put_down(pose)
         kp, kd, zero = units[2] * self._kp, units[3] * self._kd, np.zeros(n)
         times = np.arange(len(values)) * STEP_S
@@ -81,10 +81,10 @@ class Prediction:
         moved = 0
         for step in range(-round(SETTLE_S / STEP_S), len(values)):
             position, velocity = data.qpos[self._qpos], data.qvel[self._qvel]
-            seen = about + ratio * (position[cause.joint] - about)
+            reported = reference + ratio * (position[cause.joint] - reference)
             target = centre + motions.offsets(step * STEP_S) if step >= 0 else centre
             command = JointCommand(units[0] * target, zero, kp, kd, zero)
-            motor_nm = motor_torque(command, seen, ratio * velocity[cause.joint], self._limits)
+            motor_nm = motor_torque(command, reported, ratio * velocity[cause.joint], self._limits)
             torque[cause.joint] = ratio * motor_nm
             data.qfrc_applied[self._qvel] = torque + friction_torque(velocity, self._motor, torque)
             if step >= 0:

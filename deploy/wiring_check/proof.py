@@ -40,10 +40,10 @@ def proof_file(robot: Robot, bus: str) -> Path:
 def is_proven(robot: Robot, bus: str) -> bool:
     """Whether this wiring has passed the check on this computer."""
     try:
-        kept = json.loads(proof_file(robot, bus).read_text(encoding="utf-8"))
+        saved = json.loads(proof_file(robot, bus).read_text(encoding="utf-8"))
     except (OSError, ValueError, UserError):
         return False
-    return isinstance(kept, dict) and kept.get("digest") == wiring_digest(robot, bus)
+    return isinstance(saved, dict) and saved.get("digest") == wiring_digest(robot, bus)
 
 
 def keep_proof(robot: Robot, bus: str, verdicts: Sequence[Verdict]) -> str:

@@ -19,9 +19,7 @@ WORST_JOINTS = 2  # number of joints with the largest errors
 NUM_SUSPECTS = 3  # number of motors whose torques have the largest errors
 MIN_SCALE = 0.5  # minimum scale of errors, relative to the median response
 MIN_TILT = 0.06  # rad per rad: smaller tilts of the base are not used to check the IMU
-MAX_TWIN_ERROR = (
-    2.0  # maximum rough error of a twin, relative to `alike`: its simulated error is often smaller
-)
+MAX_TWIN_ERROR = 2.0  # maximum rough error of a twin, relative to `alike`; the simulated one is often smaller
 MIN_TURN_RAD = 0.15  # minimum rotation of an IMU about z to be considered a cause
 
 

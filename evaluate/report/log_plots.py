@@ -128,14 +128,14 @@ def paths(findings: LogFindings) -> Plot:
         return Plot("Paths of the feet", "", [])
     panels = []
     feet = [foot.name for foot in findings.robot.description.feet]
-    read_s, sent_s = findings.measured.time_s, findings.decided.time_s
+    read_s, sent_s = findings.measured.time_s, findings.policy_targets.time_s
     start_s = (findings.walking[0][1] if findings.walking else read_s[-1]) - PATH_SHOWN_S
     for foot, name in enumerate(feet):
         with Panel(f"paths-{foot}") as panel:
             ax = panel.axes
-            decided = _window(sent_s[: len(findings.decided_feet)], findings.decided_feet[:, foot], start_s)
+            target = _window(sent_s[: len(findings.target_feet)], findings.target_feet[:, foot], start_s)
             walked = _window(read_s, findings.measured_feet[:, foot], start_s)
-            ax.plot(decided[:, 0], decided[:, 2], color=INK, lw=0.7)
+            ax.plot(target[:, 0], target[:, 2], color=INK, lw=0.7)
             ax.plot(walked[:, 0], walked[:, 2], color=colour(0), lw=1.2)
             ax.set(xlabel="forward of the base, m", ylabel="up, m", title=name)
             panels.append(panel.svg(f"Path of foot {name} from the side"))

@@ -7,6 +7,7 @@ import numpy as np
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.damiao import (
     COMMUNICATION_LOST,
+    INTEGERS,
     MIT_MODE,
     MODE,
     POSITION_MAX,
@@ -18,7 +19,6 @@ from footfall.deploy.drivers.damiao import (
     TIMEOUT_STEP_S,
     TORQUE_MAX,
     VELOCITY_MAX,
-    WHOLE,
     WRITE,
 )
 from footfall.deploy.drivers.driver import CanFilter, Motors
@@ -84,11 +84,13 @@ class DamiaoMotorEnd(PolledMotorEnd):
         data, joints = frames.data[rows].copy(), motor[rows]
         for row, joint in zip(data, joints.tolist(), strict=True):
             register, registers = int(row[3]), self.registers[joint]
-            code = "<I" if register in WHOLE else "<f"
+            code = "<I" if register in INTEGERS else "<f"
             if row[2] == WRITE and register in registers:
                 (registers[register],) = struct.unpack(code, row[4:].tobytes())
             value = registers.get(register, 0)
-            row[4:] = np.frombuffer(struct.pack(code, int(value) if register in WHOLE else value), np.uint8)
+            row[4:] = np.frombuffer(
+                struct.pack(code, int(value) if register in INTEGERS else value), np.uint8
+            )
         return Frames(self._wiring.channel[joints], self._reply_id[joints], data, self._length[joints])
 
     def reply(self, motor: Motors, report: Report) -> Frames:

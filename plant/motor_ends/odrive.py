@@ -110,7 +110,7 @@ class OdriveMotorEnd:
         data[column == 0, 4:] = 0
         data[column == 0, 4] = self.watchdog[0, axes[column == 0]]
         data[column == 2, 4:] = odrive.float_bytes(self.current_limit[axes[column == 2]])[:, :4]
-        identifier = self._wiring.motor_id[axes] << 5 | odrive.WAS_READ
+        identifier = self._wiring.motor_id[axes] << 5 | odrive.READ_REPLY
         return Frames(self._wiring.channel[axes], identifier, data, np.where(column == 0, 5, 8))
 
     def reply(self, motor: Motors, report: Report) -> Frames:

@@ -12,7 +12,7 @@ from footfall.deploy.drivers.robstride import (
     HOST,
     RANGES,
     READ,
-    REPLIED,
+    REPLY_ROWS,
     REPORTED,
     RUN_MODE,
     RUNNING,
@@ -92,7 +92,7 @@ class RobstrideMotorEnd(PolledMotorEnd):
 
     def reply(self, motor: Motors, report: Report) -> Frames:
         """A fault that is reported (type 21) precedes the reply."""
-        codes = self._codec.codes(report.values, REPLIED, motor)
+        codes = self._codec.codes(report.values, REPLY_ROWS, motor)
         words = np.vstack([codes, np.full(len(report.error), 10 * report.temperature_c)])
         code = report.error.astype(np.intp)
         reported = code >= REPORTED

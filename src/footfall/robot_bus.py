@@ -50,10 +50,10 @@ def interface_bus(
     Raises:
         UserError: a bus cannot be opened, or another process commands a robot on it.
     """
-    from footfall.deploy.interfaces import robots_interfaces
+    from footfall.deploy.interfaces import locked_interfaces
 
     with (
         virtual_robot(robot, kind, plant, seed),
-        robots_interfaces(kind, wiring.buses, filters) as bus,
+        locked_interfaces(kind, wiring.buses, filters) as bus,
     ):
         yield bus

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from footfall.common.constants import GRAVITY_M_S2
-from footfall.deploy.estimation.attitude import Attitude, AttitudeEstimator, advanced, at_rest
+from footfall.deploy.estimation.attitude import Attitude, AttitudeEstimator, advanced, attitude_at_rest
 from footfall.deploy.estimation.config import AttitudeConfig
 
 DT_S = 0.002
@@ -34,7 +34,7 @@ def follow(found: Attitude, true: Rotation, rate: np.ndarray, seconds: float) ->
 
 def rested(true: Rotation, bias: np.ndarray) -> Attitude:
     acceleration = true.inv().apply(GRAVITY_M_S2 * UP)
-    return at_rest(tuple(bias.tolist()), tuple(acceleration.tolist()), CONFIG)
+    return attitude_at_rest(tuple(bias.tolist()), tuple(acceleration.tolist()), CONFIG)
 
 
 @given(angles, angles, angles)

@@ -14,7 +14,7 @@ from footfall import Robot
 from footfall.deploy.bench import PERIOD_US, Bench, disabled_afterwards
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.frames import EXTENDED, Frames
-from footfall.deploy.scan import Found, expected, scan
+from footfall.deploy.scan import FoundMotor, expected, scan
 from footfall.deploy.wiring import Wiring
 
 
@@ -28,7 +28,7 @@ class OnStand(Simulation):
     def bench(self, wiring: Wiring | None = None) -> Bench:
         return Bench(wiring or self.wiring, self.bus, self.clock)
 
-    def scan(self) -> set[Found]:
+    def scan(self) -> set[FoundMotor]:
         return scan(self.bus, self.wiring, self.clock)
 
 
@@ -157,7 +157,7 @@ class TestScan:
         hip, knee = makers
         first = motors.get("first_id", 1)
         addresses = {
-            Found(channel, first + joint, knee if joint == 2 else hip)
+            FoundMotor(channel, first + joint, knee if joint == 2 else hip)
             for channel in range(4)
             for joint in range(3)
         }
@@ -185,5 +185,5 @@ class TestScan:
         stand.bench().enable()
         assert stand.body.motors_on.all()
         stand.body.faults.motors.silent[4] = True
-        assert stand.scan() == set(expected(stand.wiring)) - {Found(1, 2, "MIT mode")}
+        assert stand.scan() == set(expected(stand.wiring)) - {FoundMotor(1, 2, "MIT mode")}
         assert not stand.body.motors_on.any()

@@ -42,7 +42,7 @@ def only(joint: int, path: np.ndarray) -> np.ndarray:
 
 
 def findings(
-    robot: Robot, criterion: Criterion, *joints: int, sways: str = "", **changes: np.ndarray
+    robot: Robot, criterion: Criterion, *joints: int, sway_axis: str = "", **changes: np.ndarray
 ) -> list:
     """Findings on a robot at rest with the given changes; `joints` are those that should move."""
     values = {name: np.zeros((101, 12)) for name in ("target", "position", "velocity", "torque")}
@@ -50,7 +50,7 @@ def findings(
     up, time_s = changes.pop("up", UP), changes.pop("time_s", TIME_S)
     samples = Samples(time_s, np.stack(list((values | changes).values()), axis=1), up)
     labels = [f"joint {joint}" for joint in range(12)]
-    return list(criterion(Case(robot, labels, Window(0.0, 1.0, joints, sways), samples, BringUpLimits())))
+    return list(criterion(Case(robot, labels, Window(0.0, 1.0, joints, sway_axis), samples, BringUpLimits())))
 
 
 def assert_found(found: list[str], *expected: str) -> None:
@@ -161,9 +161,9 @@ class TestCriteria:
             assert_found(findings(go1, criteria.carry, **rows), *finds)
 
     @pytest.mark.parametrize("by_rad", [0.08, -0.08])
-    @pytest.mark.parametrize(("sways", "begin_s"), [("roll", 0.0), ("pitch", 1.0)])
+    @pytest.mark.parametrize(("sway_axis", "begin_s"), [("roll", 0.0), ("pitch", 1.0)])
     def test_a_tilt_that_differs_from_the_joints_tilt_is_found(
-        self, go1: Robot, sways: str, begin_s: float, by_rad: float
+        self, go1: Robot, sway_axis: str, begin_s: float, by_rad: float
     ) -> None:
         """The base tilts to the right, then to the front, or the reverse.
 
@@ -176,13 +176,13 @@ class TestCriteria:
 
         def found(by_imu: np.ndarray, by_joints: float = 1.0) -> list[str]:
             sine, cosine = np.sin(by_imu), np.cos(by_imu)
-            up = np.stack([zero, sine, cosine] if sways == "roll" else [-sine, zero, cosine], axis=1)
+            up = np.stack([zero, sine, cosine] if sway_axis == "roll" else [-sine, zero, cosine], axis=1)
             moved = {"target": pose + travel, "position": pose + by_joints * travel, "up": up}
-            return findings(go1, criteria.sway, sways=sways, **moved)
+            return findings(go1, criteria.sway, sway_axis=sway_axis, **moved)
 
         assert found(tilt) == found(tilt + 0.05) == found(0.32 * tilt, 0.32) == []
-        assert_found(found(tilt / 2), f"{sways} 50%")
-        assert_found(found(-tilt), f"{sways} -100%")
+        assert_found(found(tilt / 2), f"{sway_axis} 50%")
+        assert_found(found(-tilt), f"{sway_axis} -100%")
         assert_found(found(0.28 * tilt, 0.28), "legs do not tilt")
         assert_found(found(zero, 0.0), "legs do not tilt")
 

@@ -25,7 +25,7 @@ class TestFirstRest:
         for tick, (gyro, acceleration) in enumerate([*before, *[(self.STILL, at_rest)] * 100]):
             now_us = tick * TICK_US
             rest.update(now_us, imu.Inertial(gyro, acceleration, (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
-            if not rest.awaited(now_us):
+            if not rest.not_at_rest(now_us):
                 return rest, now_us
         pytest.fail("it waits for ever")
 
@@ -42,11 +42,11 @@ class TestFirstRest:
     def test_the_fastest_part_is_named(self, gyro: Vector, velocity: tuple[float, float], who: str) -> None:
         """A robot that moves at 0.3 rad/s is not at rest, and never begins to stand up."""
         rest = FirstRest(0.05, ImuLimits(), ["hip", "knee"])
-        assert rest.awaited(0) == ""  # no reading yet
+        assert rest.not_at_rest(0) == ""  # no reading yet
         for now_us in range(0, 200_000, TICK_US):
             rest.update(now_us, imu.Inertial(gyro, self.GRAVITY, (1.0, 0.0, 0.0, 0.0)), np.array(velocity))
         message = "the robot is not at rest for 0.05 s before it gets stiffness: "
-        assert rest.awaited(200_000) == (message + who if who else "")
+        assert rest.not_at_rest(200_000) == (message + who if who else "")
 
     def test_motion_before_does_not_hide_a_wrong_gravity_at_rest(self) -> None:
         """Gravity is a fifth too large. If no time of rest is required, gravity is not checked."""
@@ -57,4 +57,4 @@ class TestFirstRest:
         assert found.fault.endswith("gravity by 20%")
         rest = FirstRest(0.0, ImuLimits(), ["hip"])
         rest.update(0, imu.Inertial(self.STILL, (0.0, 0.0, -9.81), (1.0, 0.0, 0.0, 0.0)), np.zeros(1))
-        assert (rest.awaited(0), rest.contradiction()) == ("", None)
+        assert (rest.not_at_rest(0), rest.contradiction()) == ("", None)

@@ -5,7 +5,7 @@ from direct_plant import DirectPlant, walk
 from scipy.spatial.transform import Rotation
 
 from footfall.common.constants import GRAVITY_M_S2
-from footfall.deploy.estimation.attitude import at_rest, leveled
+from footfall.deploy.estimation.attitude import attitude_at_rest, leveled
 from footfall.deploy.estimation.config import AttitudeConfig, EstimatorConfig, GyroConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.walk import Walk
@@ -50,7 +50,7 @@ def test_standing_legs_correct_the_tilt_of_a_robot_that_trots(go1: Robot) -> Non
 def test_a_wrong_tilt_appears_as_a_horizontal_accelerometer_bias() -> None:
     true, config = Rotation.from_euler("xy", [0.1, -0.2]), AttitudeConfig()
     wrong = true * Rotation.from_euler("xy", [0.02, 0.01])
-    attitude = at_rest((0.0, 0.0, 0.0), tuple(wrong.inv().apply(UP).tolist()), config)
+    attitude = attitude_at_rest((0.0, 0.0, 0.0), tuple(wrong.inv().apply(UP).tolist()), config)
     bias = GRAVITY_M_S2 * (true.inv().apply(UP) - wrong.inv().apply(UP))
     corrected, left = leveled(attitude, bias.tolist(), config)
     found = Rotation.from_quat(corrected.quaternion, scalar_first=True)
@@ -61,7 +61,7 @@ def test_a_wrong_tilt_appears_as_a_horizontal_accelerometer_bias() -> None:
 def test_tilt_that_legs_keep_correcting_is_the_gyros_bias() -> None:
     """Corrections turn the vertical towards x: the body turns faster about y than the gyro reports."""
     config = AttitudeConfig()
-    attitude = at_rest((0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY_M_S2), config)
+    attitude = attitude_at_rest((0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY_M_S2), config)
     corrected, _ = leveled(attitude, [0.1, 0.0, 0.0], config)
     turn = Rotation.from_quat(corrected.quaternion, scalar_first=True).as_rotvec()
     np.testing.assert_allclose(corrected.bias, -config.legs_bias_hz * turn, rtol=1e-3)

@@ -4,7 +4,7 @@ from footfall.deploy.timing import Durations
 
 
 def test_the_last_durations_are_kept_in_order_and_the_longest_always() -> None:
-    durations = Durations(kept=4)
+    durations = Durations(capacity=4)
     for value in (9.0, 1.0, 2.0):
         durations.add(value)
     assert durations.values().tolist() == [9.0, 1.0, 2.0]

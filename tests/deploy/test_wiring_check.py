@@ -43,7 +43,7 @@ def checked(
     run = Injected(robot, Hold(robot), plant, config=config)
     inject(run.injector)
     right = (lambda _: None) if proven is None else proven.extend
-    return run.run(0.1, check_wiring=True, wiring_right=right, lie_down=False)
+    return run.run(0.1, check_wiring=True, on_wiring_passed=right, lie_down=False)
 
 
 def exchanged(first: str, second: str) -> Callable[[FaultInjector], None]:

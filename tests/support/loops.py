@@ -9,7 +9,7 @@ from deploy_policies import stand_still
 from frame_robot import TICK_US, FrameRobot, Ticks
 
 from footfall import Policy, Robot
-from footfall.deploy.base_estimate import BaseEstimate, BaseState
+from footfall.deploy.base_estimate import BaseEstimate, BaseStateFunction
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import LockstepClock
 from footfall.deploy.command_source import CommandSource, VelocityFunction, source_of
@@ -48,7 +48,7 @@ def loop_on(
     wiring: Wiring | None = None,
     driver: Driver | None = None,
     estimator: Any = None,
-    base_state: BaseState | None = None,
+    base_state: BaseStateFunction | None = None,
     log: Any = None,
     lie_down: bool = False,
     taken_over: Callable[[], bool] = lambda: False,

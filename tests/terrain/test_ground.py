@@ -87,11 +87,11 @@ def test_an_edge_lies_between_two_levels(name: str) -> None:
     np.testing.assert_array_equal(edge.low[~some], here[~some])
     assert np.isclose(here, edge.low)[some].mean() > 0.2
     assert np.isclose(here, edge.high)[some].mean() > 0.2
-    away, offset = edge.away[some], edge.offset[some]
-    onto = positions[some] + (offset - (positions[some] * away).sum(axis=1))[:, None] * away
+    normal, offset = edge.normal[some], edge.offset[some]
+    onto = positions[some] + (offset - (positions[some] * normal).sum(axis=1))[:, None] * normal
     assert np.linalg.norm(onto - positions[some], axis=1).max() <= 2 * ground.cell_m + 1e-9
-    np.testing.assert_allclose(height_at(ground, onto + 1e-6 * away), edge.low[some], atol=1e-9)
-    np.testing.assert_allclose(height_at(ground, onto - 1e-6 * away), edge.high[some], atol=1e-9)
+    np.testing.assert_allclose(height_at(ground, onto + 1e-6 * normal), edge.low[some], atol=1e-9)
+    np.testing.assert_allclose(height_at(ground, onto - 1e-6 * normal), edge.high[some], atol=1e-9)
     on_jax = Ground(jnp.asarray(ground.heights), jnp.asarray(ground.stepped), ground.cell_m)
     for numpy_values, jax_values in zip(edge, edge_at(on_jax, jnp.asarray(positions)), strict=True):
         # A position may be in the next cell.

@@ -107,7 +107,7 @@ def _setting(policy: str, options: BringUpOptions) -> "Setting":
         # A robot that cannot stand still is held up until the policy is in control.
         replace(loop, scale=options.scale, in_place_s=loop.in_place_s + config.slew_s),
         realtime=options.bus != SIMULATED,
-        wiring_right=partial(_keep_proof, robot, options.bus),
+        on_wiring_passed=partial(_keep_proof, robot, options.bus),
     )
 
 

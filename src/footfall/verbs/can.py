@@ -43,12 +43,12 @@ class Target:
 @can.command
 def scan(*, where: Target = Target()) -> int:
     """Find motors by id and maker, and compare them with robot.yaml; exit 1 if they differ."""
-    from footfall.deploy.scan import everything
+    from footfall.deploy.scan import accept_all
     from footfall.deploy.scan import expected as expected_motors
     from footfall.deploy.scan import scan as scan_buses
 
     robot, wiring = _wired(where)
-    with interface_bus(robot, wiring, where.bus, everything(wiring)) as bus:
+    with interface_bus(robot, wiring, where.bus, accept_all(wiring)) as bus:
         found = scan_buses(bus, wiring)
     expected = expected_motors(wiring)
     rows: list[tuple[str, ...]] = []

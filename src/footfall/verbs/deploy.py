@@ -174,7 +174,7 @@ def _on_interface(run: Run) -> dict[str, Any]:
         display=display,
         check_wiring=check,
         height_scans=run.scans,
-        wiring_right=lambda verdicts: notes.append(keep_proof(robot, options.bus, verdicts)),
+        on_wiring_passed=lambda verdicts: notes.append(keep_proof(robot, options.bus, verdicts)),
     )
     with virtual_robot(robot, options.bus, seed=options.seed):
         outcome = run_on_interface(robot, run.policy, options.bus, session)
