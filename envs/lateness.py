@@ -65,7 +65,7 @@ def _frame_of(joints: int) -> np.ndarray:
     frames, next_frame = [], joints
     for declared in READINGS.values():
         size = declared.kind.size(Parts(joints))
-        of_motors = SENSED[declared.sensed] is kinds.JOINTS
-        frames.append(np.arange(size) if of_motors else np.full(size, next_frame))
-        next_frame += not of_motors
+        is_of_motors = SENSED[declared.sensed] is kinds.JOINTS
+        frames.append(np.arange(size) if is_of_motors else np.full(size, next_frame))
+        next_frame += not is_of_motors
     return np.concatenate(frames)

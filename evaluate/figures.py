@@ -33,7 +33,7 @@ class Figure:
     digits: int = 0
     better: Literal["low", "high", ""] = ""
     blocked_by_falls: bool = False
-    headline: bool = False
+    is_headline: bool = False
     claim: str = ""  # phrase about the leader of a headline figure: "falls least often"
 
     @property

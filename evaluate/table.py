@@ -48,7 +48,7 @@ def scenario_table(scenario: str, names: list[str], summaries: list[Summary]) ->
         cells = []
         for index, summary in enumerate(summaries):
             cell = Text(text(figure, summary), style="bold green" if index == winner else "")
-            interval = interval_text(figure, summary) if figure.headline else ""
+            interval = interval_text(figure, summary) if figure.is_headline else ""
             if interval:
                 cell.append(f"\n{interval}", style="dim")
             cells.append(cell)

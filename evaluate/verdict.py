@@ -31,7 +31,7 @@ def headlines(by_scenario: Mapping[str, Summaries]) -> list[Headline]:
     for key, figure in figures().items():
         measured_in = (name for name, each in by_scenario.items() if measured(figure, list(each.values())))
         scenario = next(measured_in, first) if key == "dv50" else first
-        if figure.headline and measured(figure, list(by_scenario[scenario].values())):
+        if figure.is_headline and measured(figure, list(by_scenario[scenario].values())):
             rows.append((figure, scenario))
     return rows
 

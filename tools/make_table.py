@@ -32,7 +32,7 @@ def table(results: Mapping[str, Any]) -> str:
         summaries = [part["scenarios"][scenario] for part in policies.values()]
         often_fell = any(summary["fall_rate"] > MAX_FALL_RATE for summary in summaries)
         for figure in figures().values():
-            if not (figure.headline and measured(figure, summaries)) or (
+            if not (figure.is_headline and measured(figure, summaries)) or (
                 figure.blocked_by_falls and often_fell
             ):
                 continue

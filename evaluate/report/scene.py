@@ -62,16 +62,16 @@ def size_of(model: mujoco.MjModel, qpos: np.ndarray) -> float:
     return float(((centre + sides).max(axis=0) - (centre - sides).min(axis=0)).max())
 
 
-def follow(camera: mujoco.MjvCamera, position: np.ndarray, size_m: float, level: bool = True) -> None:
+def follow(camera: mujoco.MjvCamera, position: np.ndarray, size_m: float, is_level: bool = True) -> None:
     """Point a free camera at a base position (3,), from the side, so that a robot of size `size_m` fits.
 
     On level ground the camera is in front of the robot, elsewhere behind it, where no step hides the robot.
     """
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    height = 0.8 * position[2] if level else position[2] - 0.1 * size_m
+    height = 0.8 * position[2] if is_level else position[2] - 0.1 * size_m
     camera.lookat[:] = position[0], position[1], height
     camera.distance = 2.2 * size_m
-    camera.azimuth, camera.elevation = (130.0, -16.0) if level else (50.0, -24.0)
+    camera.azimuth, camera.elevation = (130.0, -16.0) if is_level else (50.0, -24.0)
 
 
 def add_arrow(scene: mujoco.MjvScene, start: np.ndarray, vector: np.ndarray, colour: np.ndarray) -> None:

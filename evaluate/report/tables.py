@@ -16,7 +16,7 @@ class Cell:
 
     text: str
     small: str = ""
-    best: bool = False
+    is_best: bool = False
 
 
 @dataclass(frozen=True)

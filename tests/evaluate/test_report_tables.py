@@ -30,15 +30,15 @@ class TestTables:
         (mine, cells), (trot, others) = table.rows
         assert (mine, trot) == (Heading("mine", "made by hand", 0), Heading("trot", "made by hand", 1))
         assert cells == [
-            Cell("0 of 24", "0 to 14 %", best=True),
-            Cell("0.100", "0.090 to 0.110", best=True),
+            Cell("0 of 24", "0 to 14 %", is_best=True),
+            Cell("0.100", "0.090 to 0.110", is_best=True),
             Cell("1.00", "0.90 to 1.10"),
             Cell("0.21 / 0.40", "of 20 ms"),
         ]
         assert others == [
             Cell("12 of 24", "31 to 69 %"),
             Cell("0.300", "0.270 to 0.330"),
-            Cell("2.00", "1.90 to 2.10", best=True),
+            Cell("2.00", "1.90 to 2.10", is_best=True),
             Cell("0.21 / 0.40", "of 20 ms"),
         ]
 

@@ -54,8 +54,8 @@ class RslRlTrainer(Trainer):
         settings = runner_settings(self._ppo, augment)
         with redirect_stdout(io.StringIO()):  # the runner prints its networks
             self.runner = OnPolicyRunner(self.environment, settings, device=str(device))
-        cuda = device.type == "cuda"
-        self._random = torch.cuda.default_generators[device.index] if cuda else torch.default_generator
+        on_cuda = device.type == "cuda"
+        self._random = torch.cuda.default_generators[device.index] if on_cuda else torch.default_generator
         self._observations = np.zeros((0, self.environment.get_observations()["state"].shape[1]), np.float32)
 
     def prepare(self, report: Callable[[str], None]) -> None:

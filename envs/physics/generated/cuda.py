@@ -61,8 +61,8 @@ def kernel_source(substep: Substep, steps: int, robots: int, block: int, blocks:
     def index(place: Place) -> str:
         return str(place) if isinstance(place, int) else of_limb([str(each) for each in place])
 
-    def element(array: str, place: Place, stepwise: bool) -> str:
-        row = f"(step * {widths[array]} + {index(place)})" if stepwise else index(place)
+    def element(array: str, place: Place, is_stepwise: bool) -> str:
+        row = f"(step * {widths[array]} + {index(place)})" if is_stepwise else index(place)
         return f"{names[array]}[{row} * {robots} + robot]"
 
     def text_of(value: Scalar) -> str:

@@ -106,8 +106,8 @@ def _mixed(model: mujoco.MjModel, geoms: tuple[int, int]) -> GeomPair:
         weights = model.geom_solmix[[one, two]]
         share = weights[0] / weights.sum() if weights.sum() >= TINY else 0.5
         first, second = model.geom_solref[one], model.geom_solref[two]
-        standard = first[0] > 0.0 and second[0] > 0.0
-        solref = share * first + (1.0 - share) * second if standard else np.minimum(first, second)
+        is_standard = first[0] > 0.0 and second[0] > 0.0
+        solref = share * first + (1.0 - share) * second if is_standard else np.minimum(first, second)
         solimp = share * model.geom_solimp[one] + (1.0 - share) * model.geom_solimp[two]
         dimensions = max(model.geom_condim[one], model.geom_condim[two])
     return GeomPair(

@@ -36,8 +36,8 @@ def newton_step(
     smooth = Factor(mass, len(force), BASE_DOFS, part.total).solve(force)
     if not contacts:
         return smooth
-    warm = previous, product(mass, previous), _residuals(contacts, previous, part, reference=True)
-    cold = smooth, force, _residuals(contacts, smooth, part, reference=True)
+    warm = previous, product(mass, previous), _residuals(contacts, previous, part, minus_reference=True)
+    cold = smooth, force, _residuals(contacts, smooth, part, minus_reference=True)
     gauss = 0.5 * dot(_difference(warm[1], force), _difference(previous, smooth))
     warm_is_cheaper = less(part.total(_cost(contacts, warm[2]) + gauss), part.total(_cost(contacts, cold[2])))
     start, momentum = (
@@ -50,7 +50,7 @@ def newton_step(
     ]
     smooth_gradient = _difference(momentum, force)
     search = _search(mass, smooth_gradient, contacts, residuals, part)
-    change = _residuals(contacts, search, part, reference=False)
+    change = _residuals(contacts, search, part, minus_reference=False)
     slope, curvature = (part.total(dot(search, along)) for along in (smooth_gradient, product(mass, search)))
     length = _line_search(slope, curvature, contacts, residuals, change, rounding, part)
     return [x + length * step for x, step in zip(start, search, strict=True)]
@@ -60,13 +60,15 @@ def _difference(a: list[Scalar], b: list[Scalar]) -> list[Scalar]:
     return [x - y for x, y in zip(a, b, strict=True)]
 
 
-def _residuals(contacts: list[Rows], x: list[Scalar], part: Part, reference: bool) -> list[list[Scalar]]:
-    """J x of each contact's rows; with `reference`, minus the reference acceleration."""
+def _residuals(
+    contacts: list[Rows], x: list[Scalar], part: Part, minus_reference: bool
+) -> list[list[Scalar]]:
+    """J x of each contact's rows; with `minus_reference`, minus the reference acceleration."""
     of_contacts = []
     for contact in contacts:
         along = [sum((j * x[dof] for dof, j in row.items()), start=0.0) for row in contact.jacobian]
         along = [part.of_both(value, contact.pair) for value in along]
-        if reference:
+        if minus_reference:
             along = [value + r for value, r in zip(along, contact.reference, strict=True)]
         of_contacts.append(contact.edges(along))
     return of_contacts
