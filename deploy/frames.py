@@ -133,5 +133,5 @@ def bits_of(frames: Frames) -> np.ndarray:
     extended = (frames.id >= EXTENDED).astype(np.intp)
     if frames.data.shape[1] == 8:
         return _BITS[extended, frames.length]
-    plain = _BITS[extended, np.minimum(frames.length, 8)]
-    return np.where(frames.id & FD != 0, _FD_BITS[extended, frames.length], plain)
+    classic = _BITS[extended, np.minimum(frames.length, 8)]
+    return np.where(frames.id & FD != 0, _FD_BITS[extended, frames.length], classic)

@@ -48,15 +48,15 @@ class JointLayer:
         self._step = robot.description.target_rate_rad_s * tick_s  # largest change of a target per tick, rad
         self._lower, self._upper = robot.soft_limits
         self._target = robot.default_pose.copy()
-        self._requested = b""  # bytes of the last requested command, from which these are computed:
+        self._requested_key = b""  # bytes of the last requested command, from which these are computed:
         self._goal = self._target  # its position target within the soft limits
         self._arrived = False  # whether the target has reached the goal
         self._encodable = np.zeros((5, len(self._target)))  # within frames' ranges, with this tick's target
         self.sent = np.zeros_like(self._encodable)  # last command, before rounding in a frame
         self.sent_before = self.sent  # the command before
         self._commanded_ticks = 0  # number of commands since `take_torque_range`
-        self._possible = np.zeros(len(self._target))  # torque of the last command, N m
-        self._min_torque = self._max_torque = self._possible  # extreme torques of these commands
+        self._possible_torque = np.zeros(len(self._target))  # torque of the last command, N m
+        self._min_torque = self._max_torque = self._possible_torque  # extreme torques of these commands
 
     # -- out -----------------------------------------------------------------------------------------
 
@@ -65,7 +65,7 @@ class JointLayer:
         lowest, highest = self._driver.lowest[0], self._driver.highest[0]
         self._lower, self._upper = (limit.clip(lowest, highest) for limit in self._robot.soft_limits)
         self._target = position.clip(self._lower, self._upper)
-        self._requested = b""
+        self._requested_key = b""
 
     @property
     def target(self) -> np.ndarray:
@@ -88,8 +88,8 @@ class JointLayer:
         """
         values = np.asarray(requested, dtype=float)
         key = values.tobytes()
-        if key != self._requested:  # a policy's command is repeated for several ticks
-            self._requested, self._encodable = key, self._within_frames(values)
+        if key != self._requested_key:  # a policy's command is repeated for several ticks
+            self._requested_key, self._encodable = key, self._within_frames(values)
             if self._scale != 1.0:
                 self._encodable[2:] *= self._scale
             self._goal = clamped(values[0], self._lower, self._upper)
@@ -101,10 +101,10 @@ class JointLayer:
             self._arrived = not any_nonzero(self._target != self._goal)
         frames = self._send(self._clamped(self._encodable, self._weaker))
         if self._commanded_ticks:
-            np.minimum(self._min_torque, self._possible, out=self._min_torque)
-            np.maximum(self._max_torque, self._possible, out=self._max_torque)
+            np.minimum(self._min_torque, self._possible_torque, out=self._min_torque)
+            np.maximum(self._max_torque, self._possible_torque, out=self._max_torque)
         else:
-            self._min_torque, self._max_torque = self._possible.copy(), self._possible.copy()
+            self._min_torque, self._max_torque = self._possible_torque.copy(), self._possible_torque.copy()
         self._commanded_ticks += 1
         return frames
 
@@ -114,7 +114,7 @@ class JointLayer:
         Without a command since then, both are those of the last command. Two arrays (n,), N m.
         """
         if not self._commanded_ticks:
-            return self._possible, -self._possible
+            return self._possible_torque, -self._possible_torque
         self._commanded_ticks = 0
         return self._min_torque, -self._max_torque
 
@@ -140,14 +140,14 @@ class JointLayer:
         joints = self._receiver.joints
         position, velocity = joints[0], joints[1]
         demand = pd_torque(JointCommand.of(values), position, velocity)
-        self._possible = possible = limit_torque(demand, velocity, motor)
-        if any_nonzero(demand != possible):
-            share = _share(possible, demand)
+        self._possible_torque = possible_torque = limit_torque(demand, velocity, motor)
+        if any_nonzero(demand != possible_torque):
+            share = _share(possible_torque, demand)
             values = values.copy()
             values[2:] *= share
             # Rounding up an accelerating gain would exceed the limit: the position error may be many radians.
-            pushes = (share < 1.0) & (demand * (values[:2] - joints[:2]) > 0.0)
-            values[2:4] -= pushes * self._driver.gain_rounding
+            accelerates = (share < 1.0) & (demand * (values[:2] - joints[:2]) > 0.0)
+            values[2:4] -= accelerates * self._driver.gain_rounding
             np.maximum(values[2:4], self._driver.lowest[2:4], out=values[2:4])
         return values
 
@@ -162,10 +162,10 @@ class JointLayer:
         """Decode received frames; frames of other senders are ignored."""
         receiver, battery = self._receiver, self._battery
         receiver.absorb(batches, now_us)
-        lower = battery is not None and battery.update(
+        battery_updated = battery is not None and battery.update(
             now_us, receiver.voltage, receiver.current, receiver.joints
         )
-        if lower or self._robot.winding is not None:
+        if battery_updated or self._robot.winding is not None:
             self._weaker = self._limited_motor()
 
     def _limited_motor(self) -> Motor:

@@ -140,8 +140,8 @@ class ControlLoop:
     @property
     def status(self) -> Status:
         """Snapshot of the run, for its command source."""
-        known = *self._estimate.value, self._estimate.pose(self.now_us)
-        return self._runner.status(self.now_us, self.state, known, self.battery)
+        base = *self._estimate.value, self._estimate.pose(self.now_us)
+        return self._runner.status(self.now_us, self.state, base, self.battery)
 
     @property
     def battery(self) -> BatteryState:

@@ -132,8 +132,8 @@ class Receiver:
 
     def _absorb_replies(self, frames: Frames, now_us: int) -> None:
         motor, values, error, temperature, voltage, arrived_us, current = self._driver.replies(frames)
-        again = self._absorbed_us == now_us
-        before = self._error if again and any_nonzero(self._error) else None
+        same_tick = self._absorbed_us == now_us
+        earlier_errors = self._error if same_tick and any_nonzero(self._error) else None
         if isinstance(motor, slice):
             self._whole_batches += 1
             self.joints, self._error = values, error
@@ -152,7 +152,9 @@ class Receiver:
             self._error = self._error.copy()
             self._error[motor] = 0
             np.maximum.at(self._error, motor, error)
-        if before is not None:
-            self._error = np.maximum(self._error, before)  # an error outlives later replies of its tick
+        if earlier_errors is not None:
+            self._error = np.maximum(
+                self._error, earlier_errors
+            )  # an error outlives later replies of its tick
         self._absorbed_us = now_us
         self._motor_us[motor] = now_us if arrived_us is None else arrived_us

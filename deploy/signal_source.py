@@ -126,7 +126,7 @@ class SignalSource:
                 motor_silence_us * 1e-6,
                 self._labels[oldest]
                 if motor_silence_us <= self._silence_us
-                else self._silent(motor_us, now_us, oldest),
+                else self._name_of_silent(motor_us, now_us, oldest),
                 self._error_of(motor_error) if any_nonzero(motor_error) else "",
             ),
             ImuSignals(
@@ -161,7 +161,7 @@ class SignalSource:
         implausible = self._monitor.first_contradiction(joints) or rest.contradiction()
         return StartSignals(not_ready, pose), implausible
 
-    def _silent(self, motor_us: np.ndarray, now_us: int, oldest: int) -> str:
+    def _name_of_silent(self, motor_us: np.ndarray, now_us: int, oldest: int) -> str:
         """Name of the silent motor; "any motor" (on its bus) if all of them are silent."""
         silent, channel = now_us - motor_us > self._silence_us, self._channel[oldest]
         on_same_bus = silent[self._channel == channel]

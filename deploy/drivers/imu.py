@@ -99,7 +99,9 @@ class ImuReader:
         """`channel` is the index of the IMU's bus."""
         self._channel = channel
         three = np.ones(len(IDS), np.intp)
-        self._whole = layout_of(Frames(channel * three, np.array(IDS), np.zeros((3, 8), np.uint8), 8 * three))
+        self._reading_layout = layout_of(
+            Frames(channel * three, np.array(IDS), np.zeros((3, 8), np.uint8), 8 * three)
+        )
         self._gyro_samples, self._acceleration_samples = SampleCounter(), SampleCounter()
         self._arrived_us: list[int | None] = [None, None, None]  # of each part, in the order of `IDS`
         self.reading = Inertial((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
@@ -120,8 +122,8 @@ class ImuReader:
     @property
     def oldest(self) -> str:
         """Name of the oldest part."""
-        ages = [-math.inf if arrived_us is None else arrived_us for arrived_us in self._arrived_us]
-        return Inertial._fields[ages.index(min(ages))]
+        times = [-math.inf if arrived_us is None else arrived_us for arrived_us in self._arrived_us]
+        return Inertial._fields[times.index(min(times))]
 
     def absorb(self, frames: Frames, now_us: int) -> None:
         """Decode frames; those of other senders, and shorter ones, are ignored.
@@ -130,7 +132,7 @@ class ImuReader:
         old.
         """
         arrived = [now_us] * len(frames.id) if frames.time_us is None else frames.time_us.tolist()
-        if layout_of(frames) == self._whole:
+        if layout_of(frames) == self._reading_layout:
             self._absorb_reading(frames.data.tobytes(), arrived)
             return
         columns = frames.id.tolist(), frames.channel.tolist(), frames.length.tolist()

@@ -66,7 +66,7 @@ _WIRE = np.dtype(">u8")  # byte order of a word in a frame
 _BITS = np.array([[16], [12], [12], [12], [12]])  # position, velocity, kp, kd, torque
 _COMMAND_SHIFT = np.array([[48], [36], [24], [12], [0]])
 _REPLY_SHIFT = np.array([[40], [28], [16]])
-_REPLIED = [0, 1, 4]  # rows of a command that are part of a reply
+_REPLY_ROWS = [0, 1, 4]  # rows of a command that are part of a reply
 
 
 class Reply(NamedTuple):
@@ -128,17 +128,17 @@ class _PerMotor:
 
     def __init__(self, every: _Fields) -> None:
         self._every = every
-        self._some = BoundedCache[tuple[str, bytes], _Fields]()
+        self._subsets = BoundedCache[tuple[str, bytes], _Fields]()
 
     def of(self, motor: np.ndarray | slice) -> _Fields:
         """Fields of some motors (indices), or of all motors (a slice)."""
         if isinstance(motor, slice):
             return self._every
         key = motor.dtype.char, motor.tobytes()
-        fields = self._some.get(key)
+        fields = self._subsets.get(key)
         if fields is None:
             code, *rest = self._every
-            fields = self._some[key] = _Fields(code, *(part[:, motor] for part in rest))
+            fields = self._subsets[key] = _Fields(code, *(part[:, motor] for part in rest))
         return fields
 
 
@@ -167,16 +167,16 @@ class Codec:
         codec._set(ranges)
         return codec
 
-    def _set(self, rows: Sequence[MotorRange]) -> None:
+    def _set(self, ranges: Sequence[MotorRange]) -> None:
         highest = (
-            np.array([[r.position, r.velocity, r.kp, r.kd, r.torque] for r in rows], dtype=float)
+            np.array([[r.position, r.velocity, r.kp, r.kd, r.torque] for r in ranges], dtype=float)
             .reshape(-1, 5)
             .T.copy()
         )
         lowest = -highest
         lowest[2:4] = 0.0
         command = _fields(_COMMAND_SHIFT, _BITS, lowest, highest)
-        reply = _fields(_REPLY_SHIFT, _BITS[_REPLIED], lowest[_REPLIED], highest[_REPLIED])
+        reply = _fields(_REPLY_SHIFT, _BITS[_REPLY_ROWS], lowest[_REPLY_ROWS], highest[_REPLY_ROWS])
         self._command, self._reply = _PerMotor(command), _PerMotor(reply)
         self.lowest, self.highest, self.quantum = lowest, highest, command.quantum
         self.reply_quantum = reply.quantum

@@ -46,7 +46,7 @@ class MitDriver(PolledDriver):
         self.lowest, self.highest = self._codec.lowest, self._codec.highest
         self.gain_rounding = 0.5 * self._codec.quantum[2:4]
         self._outgoing = to_every_motor(wiring)
-        # A lookup takes a tenth of the time.
+        # A lookup here takes a tenth of the time of `_recognise`.
         self._recognised = BoundedCache[tuple[bytes, Layout], _Recognised]()
 
     @staticmethod

@@ -56,11 +56,11 @@ class XsensCanImu:
 
     @property
     def oldest(self) -> str:
-        ages = {
+        times = {
             part: -math.inf if arrived_us is None else arrived_us
             for part, arrived_us in self._arrived_us.items()
         }
-        return PARTS[min(ages, key=ages.__getitem__)]
+        return PARTS[min(times, key=times.__getitem__)]
 
     @property
     def older(self) -> int:

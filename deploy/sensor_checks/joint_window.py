@@ -93,7 +93,7 @@ class JointWindows:
         self._target = target
         self._change = np.zeros(self._n)  # change of the velocities between readings, rad/s
         self._target_travel = np.zeros(self._n)
-        self._ended = joints[0]  # positions at the end of the last window, rad
+        self._end_position = joints[0]  # positions at the end of the last window, rad
         self._youngest_us = (now_us - arrived_us).astype(float)  # smallest age of each motor's readings
 
     def due(self, now_us: int) -> bool:
@@ -176,8 +176,8 @@ class JointWindows:
         mean = np.add.reduce(new) / count
         # Each position minus the travel until then gives the start of the window. The mean has less noise.
         started = np.add.reduce(new[:, 0] - travel) / count
-        position_error = started - self._ended
-        self._ended = joints[-1, 0] if readings.gap else started + travel[-1]
+        position_error = started - self._end_position
+        self._end_position = joints[-1, 0] if readings.gap else started + travel[-1]
         last, before = _torque(sent, new), _torque(np.array(readings.sent_before), new)
         return JointWindow(
             elapsed_s=elapsed_s,
