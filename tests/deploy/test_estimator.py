@@ -84,7 +84,9 @@ def test_in_flight_no_foot_stands_and_the_imu_carries_on() -> None:
     def record(time_s: float, plant: DirectPlant) -> None:
         touching.append(plant.data.ncon > 0)
 
-    walk(load_policy("pronk", ROBOT), plant, lambda _: np.array([0.4, 0.1, 0.4]), 2.0, follower, frame=record)
+    walk(
+        load_policy("pronk", ROBOT), plant, lambda _: np.array([0.4, 0.1, 0.4]), 2.0, follower, on_tick=record
+    )
     touches = np.array(touching)
     in_flight = np.flatnonzero(~touches[: len(follower.poses)])
     assert len(in_flight) > 200

@@ -185,9 +185,9 @@ def test_refusals_name_their_cause(shell: Shell) -> None:
     assert "FR_hip_joint" in complaint
 
 
-@pytest.mark.parametrize(("extra", "status"), [(set(), 0), ({scan.Found(2, 99, "MIT mode")}, 1)])
+@pytest.mark.parametrize(("extra", "status"), [(set(), 0), ({scan.FoundMotor(2, 99, "MIT mode")}, 1)])
 def test_a_motor_that_robot_yaml_does_not_know_makes_a_scan_fail(
-    shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch, extra: set[scan.Found], status: int
+    shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch, extra: set[scan.FoundMotor], status: int
 ) -> None:
     known = set(scan.expected(wiring_of(go1)))
     monkeypatch.setattr(scan, "scan", lambda *_: known | extra)

@@ -60,8 +60,8 @@ class TestScene:
 
     def test_without_a_policy_the_robot_stands(self, go1: Robot) -> None:
         """The robot is drawn in its default pose, and its lowest foot is on the ground."""
-        data = standing(go1).data
-        model = plant_model(go1)
+        body = standing(go1)
+        model, data = body.model, body.data
         mujoco.mj_kinematics(model, data)
         feet = [model.geom(foot.geoms[0]).id for foot in go1.description.feet]
         soles = data.geom_xpos[feet, 2] - model.geom_size[feet, 0]
