@@ -35,10 +35,7 @@ class _Batch:
         self.frames = frames
         self.last = last  # arrival of the last frame
         # Start of all wires, or of each; offset of each frame, (k,).
-        self._start, self._offset = (
-            start,
-            offset,
-        )
+        self._start, self._offset = start, offset
         self._arrival: np.ndarray | None = None  # computed on demand
         self.bits: np.ndarray = _NOT_KNOWN  # (k,) of each frame on its wire, repetitions included
 

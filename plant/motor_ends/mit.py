@@ -36,10 +36,8 @@ class MitMotorEnd(PolledMotorEnd):
         self._full_batch = layout_of(commands)  # layout of a batch that addresses every motor in joint order
         # Motors and rows of other layouts.
         self._other_layouts = BoundedCache[Layout, tuple[np.ndarray, np.ndarray]]()
-        self._decoded = (
-            b"",
-            Requests(_ALL, np.zeros((5, 0)), None),
-        )  # data of the last full batch, and requests
+        # Data of the last full batch, and its requests.
+        self._decoded = b"", Requests(_ALL, np.zeros((5, 0)), None)
 
     def requests(self, frames: Frames) -> Requests:
         """See `MotorEnd.requests`. The last result is kept: a policy's command is sent for several ticks."""

@@ -1,5 +1,7 @@
 """Energy of the motors' work."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -24,3 +26,15 @@ class TestEnergy:
             assert power.positive == pytest.approx(shaft[shaft > 0].sum() / steps)
             loss = resistance * (torque / (gear * constant)) ** 2
             assert power.electrical == pytest.approx((shaft + loss).sum() / steps)
+
+    def test_memory_does_not_grow_if_nobody_takes_the_power(self, go1: Robot) -> None:
+        """A served simulated robot may run for hours."""
+        meter = EnergyMeter(go1)
+        tracemalloc.start()
+        try:
+            for _ in range(5000):
+                meter.add(*np.ones((3, 12)))
+            assert tracemalloc.get_traced_memory()[0] < 200_000
+        finally:
+            tracemalloc.stop()
+        assert meter.take().mechanical == pytest.approx(12.0)
