@@ -14,15 +14,9 @@ from footfall.terrain.declaration import GroundConfig
 GRAVITY = 9.81
 QUIET = Noise(joint_position=0.0, joint_velocity=0.0, gyro=0.0, gravity=0.0)
 PLAN = EpisodePlan(
-    scenario="own",
-    index=0,
-    seed=5,
-    duration_s=0.5,
-    schedule=CommandSchedule((0.0,), ((0.5, 0.0, 0.0),)),
-    pushes=(),
-    levels={},
-    randomised=False,
-)
+    scenario="own", index=0, seed=5, duration_s=0.5, schedule=CommandSchedule((0.0,), ((0.5, 0.0, 0.0),)),
+    pushes=(), levels={}, randomised=False,
+)  # fmt: skip
 
 
 def run(policy: str, noise: Noise = QUIET, **changes: Any) -> EpisodeOutcome:

@@ -1,4 +1,4 @@
-"""Metrics of the user, named MODULE:NAME."""
+"""Metrics of the user, named MODULE:NAME, and requirements on figures."""
 
 import io
 import json
@@ -11,6 +11,7 @@ from rich.console import Console
 from footfall.common.errors import UserError
 from footfall.evaluate import api
 from footfall.evaluate.config import EvaluationConfig
+from footfall.evaluate.requirements import outcomes_of, parse_requirements
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, load_scenarios
 from footfall.robots.description import Robot
 
@@ -51,18 +52,48 @@ def test_means_of_the_users_metrics_are_reported(
     assert f"{mean:.3f}" in console.file.getvalue()  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize(
-    ("names", "complaint"),
-    [
+def test_unusable_metrics_are_refused(config: EvaluationConfig) -> None:
+    for names, complaint in (
         (("absent_module:height",), "absent_module"),
         (("metrics_of_mine:absent",), "'absent'"),
         (("metrics_of_mine:nothing",), "metrics_of_mine:nothing"),
         (("metrics_of_mine:no_number",), "metrics_of_mine:no_number .*ValueError"),
         (("metrics_of_mine:highest_base_m",) * 2, "'highest_base_m'"),
+    ):
+        with pytest.raises(UserError, match=complaint):
+            api.evaluate_policy("stand", replace(config, metrics=names), console=Console(quiet=True))
+
+
+WALK = {"falls": 1, "lin_vel_rmse": 0.05, "own": {"lift": 0.2}}
+RESULTS = {
+    "a": {"scenarios": {"walk": WALK, "push": {"falls": 0}}},
+    "b": {"scenarios": {"walk": {"falls": 0, "lin_vel_rmse": None}, "push": {}}},
+}
+
+
+def met(requirement: str) -> dict[tuple[str, str], bool]:
+    """Whether each policy meets the requirement in each scenario."""
+    parsed = parse_requirements([requirement], ["walk", "push"], ["mine:lift"])
+    return {(each.policy, each.scenario): each.met for each in outcomes_of(parsed, RESULTS)}
+
+
+def test_a_limit_holds_in_the_scenario_that_is_named_or_in_all() -> None:
+    named, everywhere = met("walk.falls <= 0"), met("falls < 1")
+    assert named == {("a", "walk"): False, ("b", "walk"): True}
+    assert everywhere == named | {("a", "push"): True, ("b", "push"): False}  # b's falls were not measured
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("walk.lin_vel_rmse <= 0.05", True), ("walk.lin_vel_rmse < 0.05", False),
+        ("walk.lin_vel_rmse >= 0.05", True), ("walk.lin_vel_rmse>0.05", False),
+        ("walk.falls == 1", True), ("walk.own.lift >= 0.1", True), ("own.lift >= 0.3", False),
     ],
-)
-def test_unusable_metrics_are_refused(
-    config: EvaluationConfig, names: tuple[str, ...], complaint: str
-) -> None:
-    with pytest.raises(UserError, match=complaint):
-        api.evaluate_policy("stand", replace(config, metrics=names), console=Console(quiet=True))
+)  # fmt: skip
+def test_each_comparison_operator(text: str, expected: bool) -> None:
+    assert met(text)["a", "walk"] is expected
+
+
+def test_a_figure_that_was_not_measured_meets_no_requirement() -> None:
+    assert not met("walk.lin_vel_rmse <= 9")["b", "walk"]

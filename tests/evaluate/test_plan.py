@@ -18,6 +18,8 @@ from footfall.robots.description import load_robot
 ROBOT = load_robot("go1")
 FILE = load_scenarios(ROBOT)
 MANY = [0.5] * 250
+RANGES = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
+OTHER = described(ROBOT, commands=RANGES)
 
 
 def written(folder: Path, text: str, bare: str = "about: x, episodes: 1, duration_s: 5, ") -> Path:
@@ -43,10 +45,7 @@ def test_an_impossible_scenario_is_refused_with_its_field(tmp_path: Path) -> Non
         ("ground: {shape: stair}", "no shape 'stair'"),
         ("ground: {shape: stairs}", "step_m"),
         ("ground: {shape: stairs}, levels: {step_m: [0.1, 3]}", "step_m: must be from -1 to 1, not 3"),
-        (
-            f"{fixed}, forward_m_s: [0, 1], hold_s: [0, 1]}}",
-            "hold_s",
-        ),  # otherwise drawing pushes might not end
+        (f"{fixed}, forward_m_s: [0, 1], hold_s: [0, 1]}}", "hold_s"),  # else drawing might not end
         (f"{fixed}, hold_s: [1, 2], forward_m_s: [1, -1]}}", "forward_m_s"),
         (f"{fixed}, hold_s: [1, 2], forward_m_s: [0, 1e3]}}", "forward_m_s must be from -100 to 100"),
         (f"{fixed}, hold_s: [1, 2], forward_m_s: [0, 1], standing_share: 7}}", "standing_share"),
@@ -69,52 +68,40 @@ def test_an_impossible_scenario_is_refused_with_its_field(tmp_path: Path) -> Non
         assert named in refusal_of(load_scenarios, ROBOT, written(tmp_path, "", bare)), bare
 
 
-class TestCommandsOfARobot:
-    """Commands in scenarios are shares of the robot's range of commands."""
+def test_shares_are_of_the_robots_range_of_commands() -> None:
+    scenarios = load_scenarios(OTHER).scenarios
+    drawn = scenarios["nominal"].commands
+    assert drawn is not None
+    assert (drawn.forward_m_s, drawn.leftward_m_s, drawn.yaw_rad_s) == tuple(vars(RANGES).values())
+    assert scenarios["forward"].script[0].forward_m_s == pytest.approx(1.5 * 0.4)
+    _, _, turn, aside, *_ = scenarios["course"].script
+    assert (turn.forward_m_s, turn.yaw_rad_s) == pytest.approx((0.6 * 0.4, 0.8 * 2.0))
+    assert aside.leftward_m_s == pytest.approx(0.8 * 0.3)
+    sweep = scenarios["sweep"]
+    assert sweep.levels["forward_m_s"][:2] == pytest.approx((-0.2, -0.1))
+    assert sweep.levels["yaw_rad_s"] == pytest.approx((-0.5, -0.25, 0.0, 1.0, 2.0))
+    assert sweep.rows == ("forward_m_s", "yaw_rad_s")
 
-    RANGES = CommandRange((-0.2, 0.4), (-0.1, 0.3), (-0.5, 2.0))
 
-    OTHER = described(ROBOT, commands=RANGES)
+def test_no_load_may_make_the_base_weightless(tmp_path: Path) -> None:
+    """A Go1's base is 5.204 kg in Unitree's model."""
+    load_scenarios(ROBOT, written(tmp_path, "levels: {payload_kg: [-5.2, 1]}"))
+    complaint = refusal_of(load_scenarios, ROBOT, written(tmp_path, "levels: {payload_kg: [1, -5.21]}"))
+    assert "payload_kg" in complaint
+    assert "-5.21" in complaint
 
-    def test_a_share_of_one_is_the_highest_command_and_minus_one_the_lowest(self) -> None:
-        drawn = load_scenarios(self.OTHER).scenarios["nominal"].commands
-        assert drawn is not None
-        assert drawn.forward_m_s == (-0.2, 0.4)
-        assert drawn.leftward_m_s == (-0.1, 0.3)
-        assert drawn.yaw_rad_s == (-0.5, 2.0)
 
-    def test_shares_in_scripts_and_levels_are_scaled_too(self) -> None:
-        scenarios = load_scenarios(self.OTHER).scenarios
-        assert scenarios["forward"].script[0].forward_m_s == pytest.approx(1.5 * 0.4)
-        turn = scenarios["course"].script[2]
-        assert (turn.forward_m_s, turn.yaw_rad_s) == pytest.approx((0.6 * 0.4, 0.8 * 2.0))
-        assert scenarios["course"].script[3].leftward_m_s == pytest.approx(0.8 * 0.3)
-        sweep = scenarios["sweep"]
-        assert sweep.levels["forward_m_s"][:2] == pytest.approx((-0.2, -0.1))
-        assert sweep.levels["yaw_rad_s"] == pytest.approx((-0.5, -0.25, 0.0, 1.0, 2.0))
-        assert sweep.rows == ("forward_m_s", "yaw_rad_s")
-
-    def test_no_load_may_make_the_base_weightless(self, tmp_path: Path) -> None:
-        """A Go1's base is 5.204 kg in Unitree's model."""
-        load_scenarios(ROBOT, written(tmp_path, "levels: {payload_kg: [-5.2, 1]}"))
-        complaint = refusal_of(load_scenarios, ROBOT, written(tmp_path, "levels: {payload_kg: [1, -5.21]}"))
-        assert "payload_kg" in complaint
-        assert "-5.21" in complaint
-
-    def test_a_users_file_adds_and_replaces_scenarios_and_may_use_units(self, tmp_path: Path) -> None:
-        path = tmp_path / "own.yaml"
-        path.write_text(
-            "scenarios:\n"
-            "  slow: {about: x, episodes: 1, duration_s: 5,"
-            "         script: [{at_s: 0, forward_m_s: 0.07, yaw_share: -1}]}\n"
-            "  push: {episodes: 3}\n"
-        )
-        shipped, file = load_scenarios(self.OTHER), load_scenarios(self.OTHER, path)
-        (waypoint,) = file.scenarios["slow"].script
-        assert (waypoint.forward_m_s, waypoint.yaw_rad_s) == (0.07, -0.5)
-        assert file.scenarios["push"] == replace(shipped.scenarios["push"], episodes=3)
-        assert file.noise == shipped.noise
-        assert list(file.scenarios) == [*shipped.scenarios, "slow"]
+def test_a_users_file_adds_and_replaces_scenarios_and_may_use_units(tmp_path: Path) -> None:
+    (tmp_path / "own.yaml").write_text(
+        "scenarios: {push: {episodes: 3}, slow: {about: x, episodes: 1, duration_s: 5,"
+        " script: [{at_s: 0, forward_m_s: 0.07, yaw_share: -1}]}}"
+    )
+    shipped, file = load_scenarios(OTHER), load_scenarios(OTHER, tmp_path / "own.yaml")
+    (waypoint,) = file.scenarios["slow"].script
+    assert (waypoint.forward_m_s, waypoint.yaw_rad_s) == (0.07, -0.5)
+    assert file.scenarios["push"] == replace(shipped.scenarios["push"], episodes=3)
+    assert file.noise == shipped.noise
+    assert list(file.scenarios) == [*shipped.scenarios, "slow"]
 
 
 class TestPlans:
@@ -130,17 +117,17 @@ class TestPlans:
             angle = np.deg2rad(plan.levels["push_direction_deg"])
             expected = plan.levels["push_m_s"] * np.array([np.cos(angle), np.sin(angle), 0.0])
             assert push.delta_v_m_s == pytest.approx(expected)
-        times = np.array([plan.pushes[0].time_s for plan in plans])
-        assert times.min() < 1.6
-        assert times.max() > 2.4
+        times_s = [plan.pushes[0].time_s for plan in plans]
+        assert min(times_s) < 1.6
+        assert max(times_s) > 2.4
 
     def test_a_script_is_followed_and_levels_stand_in_for_its_axes(self) -> None:
         script = (Waypoint(0.0, 0.1, 0.2, 0.3), Waypoint(1.5, -0.4, -0.5, -0.6))
         scenario = Scenario("x", 2, 4.0, script=script, levels={"leftward_m_s": (0.9,)})
         (plan, _) = plan_episodes("x", scenario, 0)
-        assert plan.schedule == CommandSchedule((0.0, 1.5), ((0.1, 0.9, 0.3), (-0.4, 0.9, -0.6)))
-        assert (plan.scenario, plan.index, plan.duration_s, plan.randomised) == ("x", 0, 4.0, False)
-        assert plan.pushes == ()
+        schedule = CommandSchedule((0.0, 1.5), ((0.1, 0.9, 0.3), (-0.4, 0.9, -0.6)))
+        assert (plan.scenario, plan.index, plan.duration_s) == ("x", 0, 4.0)
+        assert (plan.randomised, plan.pushes, plan.schedule) == (False, (), schedule)
 
     def test_drawn_commands_and_their_durations_are_in_their_ranges(self) -> None:
         drawn = DrawnCommands((0.1, 0.2), (0.3, 0.4), (0.5, 0.6), (0.7, 0.9), standing_share=0.25)
@@ -148,9 +135,8 @@ class TestPlans:
         commands = np.array([command for plan in plans for command in plan.schedule.commands])
         stands = ~commands.any(axis=1)
         assert stands.mean() == pytest.approx(0.25, abs=0.07)
-        low, high = commands[~stands].min(axis=0), commands[~stands].max(axis=0)
-        assert low == pytest.approx([0.1, 0.3, 0.5], abs=0.01)
-        assert high == pytest.approx([0.2, 0.4, 0.6], abs=0.01)
+        assert commands[~stands].min(axis=0) == pytest.approx([0.1, 0.3, 0.5], abs=0.01)
+        assert commands[~stands].max(axis=0) == pytest.approx([0.2, 0.4, 0.6], abs=0.01)
         held = np.concatenate([np.diff(plan.schedule.from_s) for plan in plans])
         assert (held.min(), held.max()) == pytest.approx((0.7, 0.9), abs=0.01)
         assert all(9.1 <= plan.schedule.from_s[-1] < 10.0 for plan in plans)
@@ -160,8 +146,8 @@ class TestPlans:
     def test_pushes_come_within_their_time_and_straight_ahead_unless_a_direction_is_given(self) -> None:
         scenario = Scenario("x", 50, 5.0, levels={"push_m_s": (0.5, 2.0)}, push_between_s=(1.25, 1.75))
         plans = plan_episodes("x", scenario, 0)
-        times = [plan.pushes[0].time_s for plan in plans]
-        assert (min(times), max(times)) == pytest.approx((1.25, 1.75), abs=0.05)
+        times_s = [plan.pushes[0].time_s for plan in plans]
+        assert (min(times_s), max(times_s)) == pytest.approx((1.25, 1.75), abs=0.05)
         for plan in plans:
             assert plan.pushes[0].delta_v_m_s == pytest.approx((plan.levels["push_m_s"], 0.0, 0.0))
         assert plan_episodes("x", replace(scenario, levels={"friction": (0.5,)}), 0)[0].pushes == ()
@@ -186,7 +172,7 @@ def test_a_command_holds_from_its_time_until_the_next() -> None:
 
 
 def test_a_level_overrides_the_drawn_value() -> None:
-    plan = plan_episodes("randomised", FILE.scenarios["randomised"], 0, 1)[0]
+    (plan,) = plan_episodes("randomised", FILE.scenarios["randomised"], 0, 1)
     sample = sample_of(replace(plan, levels={"friction": 0.15}), ROBOT, 13)
     assert sample is not None
     assert sample["friction"] == 0.15

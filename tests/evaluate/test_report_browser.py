@@ -19,15 +19,13 @@ LUMINANCE = (
 def page(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Tab]:
     """A report of two policies, one of them with a long name."""
     folder = tmp_path_factory.mktemp("report")
+    file = folder / "report.html"
     long = "/home/someone/runs/2026-11-23_go1_no-height-scan_and-more-than-90-letters_seed-7/policy.onnx"
-    text = page_of(
-        go1,
-        result("mine", "runs/mine", 0.1, 0, 2.0, walked()),
-        result(long, long, 0.3, 9, 1.0, walked(5.0, fell=True)),
-    )
-    (folder / "report.html").write_text(text, encoding="utf-8")
+    good = result("mine", "runs/mine", 0.1, 0, 2.0, walked())
+    bad = result(long, long, 0.3, 9, 1.0, walked(5.0, fell=True))
+    file.write_text(page_of(go1, good, bad), encoding="utf-8")
     with tab(folder / "profile") as opened:
-        opened.go((folder / "report.html").as_uri())
+        opened.go(file.as_uri())
         opened.wait_for(lambda page: page.value("document.readyState") == "complete")
         yield opened
 
@@ -39,27 +37,17 @@ def shown(page: Tab, width: int, media: str = "screen", colours: str = "light") 
     page.ask("Emulation.setEmulatedMedia", media=media, features=[scheme])
 
 
-@pytest.mark.parametrize(
-    ("width", "media", "colours"),
-    [
-        (420, "screen", "light"),
-        (420, "screen", "dark"),
-        (1400, "screen", "light"),
-        (1400, "screen", "dark"),
-        (760, "print", "dark"),
-    ],
-)
-def test_the_page_is_dark_on_request_and_not_too_wide(
-    page: Tab, width: int, media: str, colours: str
-) -> None:
+def test_the_page_is_dark_on_request_and_not_too_wide(page: Tab) -> None:
     """Paper is never dark."""
-    shown(page, width, media, colours)
-    assert page.value("innerWidth") == width
-    assert page.value("document.documentElement.scrollWidth") == width
-    dark = media == "screen" and colours == "dark"
-    for element in ("document.body", "document.querySelector('header')"):
-        luminance = page.value(LUMINANCE.format(element))
-        assert luminance < 0.2 if dark else luminance > 0.9
+    on_screens = [(width, "screen", colours) for width in (420, 1400) for colours in ("light", "dark")]
+    for width, media, colours in (*on_screens, (760, "print", "dark")):
+        shown(page, width, media, colours)
+        widths = page.value("[innerWidth, document.documentElement.scrollWidth]")
+        assert widths == [width, width]
+        dark = media == "screen" and colours == "dark"
+        for element in ("document.body", "document.querySelector('header')"):
+            luminance = page.value(LUMINANCE.format(element))
+            assert luminance < 0.2 if dark else luminance > 0.9
 
 
 def test_the_page_is_short_and_a_link_to_a_folded_part_opens_it(page: Tab) -> None:

@@ -4,6 +4,7 @@ import html
 import json
 import re
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,15 +23,10 @@ from footfall.plant.trace import Trace
 from footfall.robots.description import Robot
 
 PLAN = EpisodePlan(
-    scenario="course",
-    index=0,
-    seed=0,
-    duration_s=6.0,
+    scenario="course", index=0, seed=0, duration_s=6.0,
     schedule=CommandSchedule((0.0, 2.0, 5.0), ((0.0, 0.0, 0.0), (0.6, -0.2, 0.3), (1.0, 0.1, -0.4))),
-    pushes=(Push(1.5, (0.0, 0.4, 0.0)), Push(4.25, (0.5, 0.0, 0.0))),
-    levels={},
-    randomised=False,
-)
+    pushes=(Push(1.5, (0.0, 0.4, 0.0)), Push(4.25, (0.5, 0.0, 0.0))), levels={}, randomised=False,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -39,12 +35,8 @@ class Drawn:
 
     axes: Axes
 
-    def lines(self, colour: str | None = None) -> list[Line2D]:
-        return [each for each in self.axes.lines if colour in (None, each.get_color())]
-
-    def starts(self, colour: str) -> list[float]:
-        """Start of the lines of this colour, along x."""
-        return [float(np.asarray(each.get_xdata())[0]) for each in self.lines(colour)]
+    def lines(self, colour: str) -> list[Line2D]:
+        return [line for line in self.axes.lines if line.get_color() == colour]
 
     def points(self, colour: str) -> list[list[float]]:
         """x and y of the first line of this colour."""
@@ -81,51 +73,45 @@ def test_the_share_without_a_fall_is_drawn_for_each_push(drawn: list[Drawn]) -> 
     np.testing.assert_allclose(shares, [[0.6, 0.95], [0.1, 0.5]])
 
 
-class TestConditions:
-    def test_each_condition_has_its_error_and_its_falls(self, drawn: list[Drawn]) -> None:
-        def rows(level: str, *errors: float | None) -> dict[str, Any]:
-            each = [
-                row(k, 8, (0, 1), lin_vel_rmse=error, **{level: 0.2 * (k + 1)})
-                for k, error in enumerate(errors)
-            ]
-            return {"rows": each}
+def test_each_condition_has_its_error_and_its_falls(drawn: list[Drawn]) -> None:
+    def rows(level: str, *errors: float | None) -> dict[str, Any]:
+        levels = [{level: 0.2 * (k + 1), "lin_vel_rmse": error} for k, error in enumerate(errors)]
+        return {"rows": [row(k, 8, (0, 1), **each) for k, each in enumerate(levels)]}
 
-        plot = scenario_plots.conditions(
-            [
-                ("friction", {"none": {"episodes": 0}, "a": rows("friction", 0.3, 0.1, None)}),
-                ("payload_kg", {"none": {"episodes": 0}, "a": {"rows": []}}),
-                ("kp", {"none": rows("kp", 0.5), "a": rows("kp", 0.25, 0.75)}),
-            ]
-        )
-        assert list(plot.legend) == [0, 1]
-        error, falls, _, other_falls = drawn
-        x, y = error.points(svg.colour(1))
-        np.testing.assert_allclose(x, [0.2, 0.4, 0.6])
-        np.testing.assert_array_equal(y, [0.3, 0.1, np.nan])
-        assert falls.points(svg.colour(1))[1] == [0.0, 12.5, 25.0]
-        assert other_falls.points(svg.colour(1))[1] == [0.0, 12.5]
-
-
-class TestSweep:
-    ROWS = (
-        row(0, 4, (0, 1), forward_m_s=1.0, yaw_rad_s=-0.5, lin_vel_rmse=0.1),
-        row(2, 4, (0, 1), forward_m_s=0.25, yaw_rad_s=0.8, lin_vel_rmse=0.3),
-        row(0, 4, (0, 1), forward_m_s=0.25, yaw_rad_s=-0.5, lin_vel_rmse=0.9),
-        row(0, 4, (0, 1), forward_m_s=-1.0, yaw_rad_s=0.8, lin_vel_rmse=None),
-        row(0, 4, (0, 1), forward_m_s=-1.0, yaw_rad_s=-0.5, lin_vel_rmse=0.6),
+    none = {"episodes": 0}
+    plot = scenario_plots.conditions(
+        [
+            ("friction", {"none": none, "a": rows("friction", 0.3, 0.1, None)}),
+            ("payload_kg", {"none": none, "a": {"rows": []}}),
+            ("kp", {"none": rows("kp", 0.5), "a": rows("kp", 0.25, 0.75)}),
+        ]
     )
+    assert list(plot.legend) == [0, 1]
+    error, falls, _, other_falls = drawn
+    np.testing.assert_allclose(error.points(svg.colour(1)), [[0.2, 0.4, 0.6], [0.3, 0.1, np.nan]])
+    assert falls.points(svg.colour(1))[1] == [0.0, 12.5, 25.0]
+    assert other_falls.points(svg.colour(1))[1] == [0.0, 12.5]
 
-    def test_a_cell_has_the_error_of_its_command(self, drawn: list[Drawn]) -> None:
-        scenario_plots.sweep({"none": {"episodes": 0}, "a": {"rows": list(self.ROWS)}})
-        (panel,) = drawn
-        (picture,) = panel.axes.images
-        cells: Any = np.ma.filled(np.ma.asarray(picture.get_array()), np.nan)
-        np.testing.assert_array_equal(cells, [[0.6, 0.9, 0.1], [np.nan, 0.3, np.nan]])
-        assert picture.origin == "lower"
-        largest = np.percentile([0.1, 0.3, 0.6, 0.9], 95)
-        assert (picture.norm.vmin, picture.norm.vmax) == (0.0, pytest.approx(largest))
-        assert [label.get_text() for label in panel.axes.get_xticklabels()] == ["-1", "0.25", "1"]
-        assert [label.get_text() for label in panel.axes.get_yticklabels()] == ["-0.5", "0.8"]
+
+def test_a_cell_of_a_sweep_has_the_error_of_its_command(drawn: list[Drawn]) -> None:
+    tried = (
+        (1.0, -0.5, 0.1, 0), (0.25, 0.8, 0.3, 2), (0.25, -0.5, 0.9, 0),
+        (-1.0, 0.8, None, 0), (-1.0, -0.5, 0.6, 0),
+    )  # fmt: skip
+    rows = [
+        row(falls, 4, (0, 1), forward_m_s=forward, yaw_rad_s=yaw, lin_vel_rmse=error)
+        for forward, yaw, error, falls in tried
+    ]
+    scenario_plots.sweep({"none": {"episodes": 0}, "a": {"rows": rows}})
+    (panel,) = drawn
+    (picture,) = panel.axes.images
+    cells: Any = np.ma.filled(np.ma.asarray(picture.get_array()), np.nan)
+    np.testing.assert_array_equal(cells, [[0.6, 0.9, 0.1], [np.nan, 0.3, np.nan]])
+    assert picture.origin == "lower"
+    largest = np.percentile([0.1, 0.3, 0.6, 0.9], 95)
+    assert (picture.norm.vmin, picture.norm.vmax) == (0.0, pytest.approx(largest))
+    assert [label.get_text() for label in panel.axes.get_xticklabels()] == ["-1", "0.25", "1"]
+    assert [label.get_text() for label in panel.axes.get_yticklabels()] == ["-0.5", "0.8"]
 
 
 def wandering(seconds: float = 6.0, fell: bool = False) -> Trace:
@@ -136,23 +122,21 @@ def wandering(seconds: float = 6.0, fell: bool = False) -> Trace:
     return replace(trace, base_velocity=velocity, base_angular_velocity=turning, fell=fell)
 
 
-class TestTracking:
-    def test_the_command_is_a_staircase_and_each_policy_a_line(self, drawn: list[Drawn]) -> None:
-        walks = [Walk(1, "b", wandering(), 20.0), Walk(2, "c", wandering(3.0, fell=True), 20.0)]
-        plot = course_plots.tracking(walks, PLAN)
-        assert list(plot.legend) == [1, 2]
-        for axis, panel in enumerate(drawn):
-            command = panel.lines(svg.INK)[0]
-            x, y = np.asarray(command.get_xydata()).T
-            np.testing.assert_allclose(x, np.arange(60) / 10)
-            assert [y[k] for k in (0, 19, 20, 49, 50)] == [
-                PLAN.schedule(k / 10)[axis] for k in (0, 19, 20, 49, 50)
-            ]
-            for colour, seconds in ((svg.colour(1), 6.0), (svg.colour(2), 3.0)):
-                x, y = panel.points(colour)
-                assert (x[0], x[-1]) == (0.0, pytest.approx(seconds - 0.01))
-                assert y[150] == pytest.approx((0.5, -0.2, 0.15)[axis], abs=2e-3)
-            assert panel.starts(svg.INK)[1:] == [1.5, 4.25]  # pushes
+def test_the_command_is_a_staircase_and_each_policy_a_line(drawn: list[Drawn]) -> None:
+    walks = [Walk(1, "b", wandering(), 20.0), Walk(2, "c", wandering(3.0, fell=True), 20.0)]
+    plot = course_plots.tracking(walks, PLAN)
+    assert list(plot.legend) == [1, 2]
+    for axis, panel in enumerate(drawn):
+        x, y = panel.points(svg.INK)
+        np.testing.assert_allclose(x, np.arange(60) / 10)
+        edges = (0, 19, 20, 49, 50)
+        assert [y[k] for k in edges] == [PLAN.schedule(k / 10)[axis] for k in edges]
+        for colour, seconds in ((svg.colour(1), 6.0), (svg.colour(2), 3.0)):
+            x, y = panel.points(colour)
+            assert (x[0], x[-1]) == (0.0, pytest.approx(seconds - 0.01))
+            assert y[150] == pytest.approx((0.5, -0.2, 0.15)[axis], abs=2e-3)
+        pushes = [np.asarray(line.get_xdata())[0] for line in panel.lines(svg.INK)[1:]]
+        assert pushes == [1.5, 4.25]
 
 
 class TestGait:
@@ -180,19 +164,15 @@ class TestGait:
         assert course_plots.touchdown_rate_hz(contact, 10.0) == pytest.approx(3 / 2 / 0.5)
 
 
-class TestLearning:
-    def test_a_curve_is_over_million_steps_in_its_colour(self, drawn: list[Drawn], tmp_path: Any) -> None:
-        keys = list(learning_curves.CURVES)
-        lines = [
-            f'{{"step": {1_500_000 * k}, "{keys[0]}": {0.5 * k}, "{keys[2]}": {-3.0 * k}}}'
-            for k in range(1, 4)
-        ]
-        (tmp_path / "metrics.jsonl").write_text("\n".join(lines))
-        plot = learning_curves.learning_curves({"stand": "stand", "mine": str(tmp_path)})
-        reward, length = drawn  # there is no error to show
-        assert reward.points(svg.colour(1)) == [[1.5, 3.0, 4.5], [0.5, 1.0, 1.5]]
-        assert length.points(svg.colour(1))[1] == [-3.0, -6.0, -9.0]
-        assert list(plot.legend) == [1]
+def test_a_learning_curve_is_over_million_steps_in_its_colour(drawn: list[Drawn], tmp_path: Path) -> None:
+    first, _, third, *_ = learning_curves.CURVES
+    rows = [{"step": 1_500_000 * k, first: 0.5 * k, third: -3.0 * k} for k in (1, 2, 3)]
+    (tmp_path / "metrics.jsonl").write_text("\n".join(json.dumps(row) for row in rows))
+    plot = learning_curves.learning_curves({"stand": "stand", "mine": str(tmp_path)})
+    reward, length = drawn  # there is no error to show
+    assert reward.points(svg.colour(1)) == [[1.5, 3.0, 4.5], [0.5, 1.0, 1.5]]
+    assert length.points(svg.colour(1))[1] == [-3.0, -6.0, -9.0]
+    assert list(plot.legend) == [1]
 
 
 def test_without_data_there_is_no_panel(go1: Robot) -> None:

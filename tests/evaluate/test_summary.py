@@ -18,13 +18,16 @@ from footfall.evaluate.summary import Summary, summarise
 from footfall.robots.description import load_robot
 
 SCENARIOS = load_scenarios(load_robot("go1")).scenarios
-
-
 FELL = replace(GOOD, fell=True)
 
 
 def nominal(*metrics: EpisodeMetrics) -> Summary:
     return summarise(SCENARIOS["nominal"], [outcome(m) for m in metrics], 0)
+
+
+def haul(metrics: EpisodeMetrics) -> float:
+    """Weight times distance, N m."""
+    return metrics.weight_n * metrics.distance_m
 
 
 class TestSummary:
@@ -44,18 +47,8 @@ class TestSummary:
             ("torque_rate_nm_s", lambda m: m.torque_rate_nm_s**2, lambda m: m.walked_s, True),
             ("foot_slip_m_s", "foot_slip_m_s", lambda m: m.stance_s, False),
             ("legs_touch_share", "legs_touch_share", lambda m: m.walked_s, False),
-            (
-                "cost_of_transport",
-                lambda m: m.electrical_j / (m.weight_n * m.distance_m),
-                lambda m: m.weight_n * m.distance_m,
-                False,
-            ),
-            (
-                "cost_of_transport_mechanical",
-                lambda m: m.mechanical_j / (m.weight_n * m.distance_m),
-                lambda m: m.weight_n * m.distance_m,
-                False,
-            ),
+            ("cost_of_transport", lambda m: m.electrical_j / haul(m), haul, False),
+            ("cost_of_transport_mechanical", lambda m: m.mechanical_j / haul(m), haul, False),
             ("positive_work_j_m", lambda m: m.positive_j / m.distance_m, lambda m: m.distance_m, False),
             ("positive_work_j", "positive_j", lambda _: 1.0, False),
         ],
@@ -94,23 +87,18 @@ class TestSummary:
         }  # fmt: skip
 
     def test_successes_are_counted_on_ground_that_is_not_level(self) -> None:
-        good, stuck, fallen = (
-            replace(GOOD, **changes) for changes in ({}, {"progress": 0.5}, {"fell": True})
-        )
-        tried = ((good, 0.1), (stuck, 0.2), (fallen, 0.2))
+        tried = ((GOOD, 0.1), (replace(GOOD, progress=0.5), 0.2), (FELL, 0.2))
         outcomes = [outcome(metrics, levels={"step_m": step}) for metrics, step in tried]
         summary = summarise(SCENARIOS["stairs"], outcomes, 0)
         assert (summary["successes"], [row["successes"] for row in summary["rows"]]) == (1, [1, 0])
         assert text(figures()["successes"], summary) == "1 of 3"
 
     def test_an_episode_that_raised_is_named_and_not_counted(self) -> None:
-        summary = summarise(SCENARIOS["nominal"], [outcome(), TaskResult(None, "its process died")], 0)
-        assert summary["episodes"] == 1
-        assert summary["failed_episodes"] == ["episode 1: its process died"]
-
-    def test_failed_episodes_alone_give_no_figures(self) -> None:
-        summary = summarise(SCENARIOS["push"], [TaskResult(None, "ValueError: no")], 0)
-        assert summary == {"episodes": 0, "failed_episodes": ["episode 0: ValueError: no"]}
+        died = TaskResult[Any](None, "its process died")
+        summary = summarise(SCENARIOS["nominal"], [outcome(), died], 0)
+        assert (summary["episodes"], summary["failed_episodes"]) == (1, ["episode 1: its process died"])
+        alone = summarise(SCENARIOS["push"], [died], 0)  # without any figures
+        assert alone == {"episodes": 0, "failed_episodes": ["episode 0: its process died"]}
 
     def test_a_summary_is_plain_json_without_nan(self) -> None:
         never_settled = replace(GOOD, scored_s=0.0, lin_vel_mse=np.nan, mean_velocity=(np.nan,) * 3)
@@ -122,25 +110,17 @@ class TestSummary:
         assert summary["dv50"] == pytest.approx(1.25, abs=0.05)
         low, high = summary["dv50_interval"]
         assert 1.0 < low <= summary["dv50"] <= high < 1.5
-        assert [(row["push_m_s"], row["falls"]) for row in summary["rows"]] == [
-            (0.5, 0),
-            (1.0, 0),
-            (1.5, 4),
-            (2.0, 4),
-        ]
-        assert [row["episodes"] for row in summary["rows"]] == [4, 4, 4, 4]
+        rows = [(row["push_m_s"], row["falls"], row["episodes"]) for row in summary["rows"]]
+        assert rows == [(0.5, 0, 4), (1.0, 0, 4), (1.5, 4, 4), (2.0, 4, 4)]
         assert summary["rows"][3]["fall_rate_interval"] == pytest.approx([0.5101, 1.0], abs=1e-4)
 
 
-class TestShowing:
-    def test_falls_are_shown_out_of_how_many(self) -> None:
-        summary = nominal(GOOD, FELL)
-        assert text(figures()["falls"], summary) == "1 of 2"
-        assert interval_text(figures()["falls"], summary) == "9 to 91 %"
-
-    def test_a_policy_that_survives_all_pushes_is_above_the_strongest(self) -> None:
-        strong = summarise(SCENARIOS["push"], [outcome(GOOD, p) for p in (0.5, 1.5)], 0)
-        none = summarise(SCENARIOS["push"], [outcome(FELL, p) for p in (0.5, 1.5)], 0)
-        assert text(figures()["dv50"], strong) == "above 1.5"
-        assert text(figures()["dv50"], none) == "below 0.5"
-        assert interval_text(figures()["dv50"], strong) == ""
+def test_falls_and_pushes_beyond_the_strongest_are_shown() -> None:
+    summary = nominal(GOOD, FELL)
+    falls, dv50 = figures()["falls"], figures()["dv50"]
+    assert (text(falls, summary), interval_text(falls, summary)) == ("1 of 2", "9 to 91 %")
+    strong, weak = (
+        summarise(SCENARIOS["push"], [outcome(each, push) for push in (0.5, 1.5)], 0) for each in (GOOD, FELL)
+    )
+    assert (text(dv50, strong), interval_text(dv50, strong)) == ("above 1.5", "")
+    assert text(dv50, weak) == "below 0.5"

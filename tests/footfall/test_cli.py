@@ -1,4 +1,4 @@
-"""The command line: options, their limits, and the exit status for each result of a verb."""
+"""The command line: options, their limits, questions, and the exit status for each result of a verb."""
 
 import io
 import signal
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock, call, patch
 
 import pytest
 from recorder import Recorder
@@ -14,6 +15,7 @@ from shell import Shell
 
 from footfall import cli
 from footfall.common.errors import UserError
+from footfall.confirm import confirm
 from footfall.machine import Finding
 
 
@@ -47,21 +49,13 @@ def test_an_unexpected_exception_keeps_its_traceback(shell: Shell, monkeypatch: 
         shell("train")
 
 
-@pytest.mark.parametrize(
-    ("error", "status"), [(BrokenPipeError(), 141), (OSError(28, "No space left on device"), 2)]
-)
-def test_output_that_reaches_no_reader_is_noticed_before_the_end(
-    monkeypatch: pytest.MonkeyPatch, error: OSError, status: int
-) -> None:
+def test_output_that_reaches_no_reader_is_noticed_before_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Printed text may stay in a buffer until the process ends; its failure would appear too late."""
-
-    class Pipe(io.StringIO):
-        def flush(self) -> None:
-            raise error
-
     monkeypatch.setattr(cli, "app", lambda *_, **__: 0)
-    monkeypatch.setattr(sys, "stdout", Pipe())
-    assert cli.main(["doctor"]) == status
+    for error, status in ((BrokenPipeError(), 141), (OSError(28, "No space left on device"), 2)):
+        monkeypatch.setattr(sys, "stdout", io.StringIO())
+        monkeypatch.setattr(sys.stdout, "flush", Mock(side_effect=error))
+        assert cli.main(["doctor"]) == status
 
 
 def test_sigterm_lets_a_verb_close_its_resources(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,48 +83,68 @@ def test_an_unknown_option_differs_from_a_misspelt_option(shell: Shell) -> None:
     assert "--set KEY=VALUE" in shell.refuses("train", "--terrain", "rough")
 
 
-class TestSmallVerbs:
-    def test_every_verb_is_listed_and_explains_itself(self, shell: Shell) -> None:
-        listed = shell("--help").out
-        for verb in (
-            "train", "sweep", "watch", "evaluate", "export", "deploy", "compare", "replay", "log", "demo",
-            "diagnose", "doctor",
-        ):  # fmt: skip
-            assert f" {verb} " in listed
-            explained = shell(verb, "--help")
-            assert (explained.status, f"footfall {verb}" in explained.out) == (0, True), verb
-        assert shell("--version").out.strip().count(".") == 2
+def test_every_verb_is_listed_and_explains_itself(shell: Shell) -> None:
+    listed = shell("--help").out
+    verbs = "train sweep watch evaluate export deploy compare replay log demo diagnose doctor"
+    for verb in verbs.split():
+        assert f" {verb} " in listed
+        explained = shell(verb, "--help")
+        assert (explained.status, f"footfall {verb}" in explained.out) == (0, True), verb
+    assert shell("--version").out.strip().count(".") == 2
 
-    @pytest.mark.parametrize(("reason", "status"), [("nan again", 0), (None, 1)])
-    def test_diagnose_names_the_first_non_finite_value(
-        self, shell: Shell, called: Recorder, reason: str | None, status: int
-    ) -> None:
-        found = SimpleNamespace(
-            failure=SimpleNamespace(iteration=12, reason="nan then"), differences=["another JAX"],
-            reason=reason, finding="the reward", saved=Path("s.npz"),
-        )  # fmt: skip
-        called.replace("footfall.train.api.diagnose", lambda _, report: report("11 is sound") or found)
+
+def test_diagnose_names_the_first_non_finite_value(shell: Shell, called: Recorder) -> None:
+    found = SimpleNamespace(
+        failure=SimpleNamespace(iteration=12, reason="nan then"), differences=["another JAX"],
+        finding="the reward", saved=Path("s.npz"),
+    )  # fmt: skip
+    called.replace("footfall.train.api.diagnose", lambda _, report: report("11 is sound") or found)
+    for found.reason, status in (("nan again", 0), (None, 1)):
         outcome = shell("diagnose", "run")
         assert outcome.status == status
-        for fact in ("11 is sound", "another JAX", "nan then", reason or "no", "the reward", "s.npz"):
+        for fact in ("11 is sound", "another JAX", "nan then", found.reason or "no", "the reward", "s.npz"):
             assert fact in outcome.out
 
-    def test_a_recovered_log_is_beside_its_file(self, shell: Shell, called: Recorder, tmp_path: Path) -> None:
-        called.replace("footfall.deploy.recover.recover", SimpleNamespace(messages=42, damaged=3))
-        assert "absent" in shell.refuses("log", "recover", "a.mcap", "--out", "absent/b.mcap")
-        assert called.names == []
-        (tmp_path / "logs").mkdir()
-        outcome = shell("log", "recover", "logs/walk.mcap")
-        assert called.of("recover") == ((Path("logs/walk.mcap"), Path("logs/walk.recovered.mcap")), {})
-        assert {"42", "3"} <= set(outcome.out.split())
 
-    def test_doctor_shows_problems_and_remedies(self, shell: Shell, called: Recorder) -> None:
-        found = [
-            Finding("processors", True, "2 cores"),
-            Finding("packages", False, "no jax", "pip install jax"),
-        ]
-        called.replace("footfall.machine.findings", found)
-        first, second, *advice = shell("doctor").out.splitlines()
-        assert "2 cores" in first
-        assert "no jax" in second
-        assert "pip install jax" in advice[-1]
+def test_a_recovered_log_is_beside_its_file(shell: Shell, called: Recorder, tmp_path: Path) -> None:
+    called.replace("footfall.deploy.recover.recover", SimpleNamespace(messages=42, damaged=3))
+    assert "absent" in shell.refuses("log", "recover", "a.mcap", "--out", "absent/b.mcap")
+    assert called.names == []
+    (tmp_path / "logs").mkdir()
+    outcome = shell("log", "recover", "logs/walk.mcap")
+    assert called.of("recover") == ((Path("logs/walk.mcap"), Path("logs/walk.recovered.mcap")), {})
+    assert {"42", "3"} <= set(outcome.out.split())
+
+
+def test_doctor_shows_problems_and_remedies(shell: Shell, called: Recorder) -> None:
+    problem = Finding("packages", False, "no jax", "pip install jax")
+    called.replace("footfall.machine.findings", [Finding("processors", True, "2 cores"), problem])
+    first, second, *advice = shell("doctor").out.splitlines()
+    for line, text in ((first, "2 cores"), (second, "no jax"), (advice[-1], "pip install jax")):
+        assert text in line
+
+
+class TestConfirm:
+    def asked(self, answer: str | None, terminal: bool, yes: bool = False) -> list[Any]:
+        """The questions asked for a confirmation; None ends the input."""
+        answered = Mock(side_effect=EOFError if answer is None else [answer])
+        with patch("sys.stdin.isatty", lambda: terminal), patch("builtins.input", answered):
+            confirm("shall it move?", yes=yes)
+        return answered.call_args_list
+
+    def test_yes_in_any_case_is_a_yes(self) -> None:
+        for answer in ("y", "yes", "Y", "YES", " yes "):
+            assert self.asked(answer, terminal=True) == [call("shall it move? [y/N] ")]
+
+    def test_with_yes_no_question_is_asked(self) -> None:
+        for terminal in (True, False):
+            assert self.asked("n", terminal, yes=True) == []
+
+    def test_any_other_answer_and_the_end_of_the_input_are_a_no(self) -> None:
+        for answer in ("", "n", "yep", None):
+            with pytest.raises(UserError):
+                self.asked(answer, terminal=True)
+
+    def test_without_a_terminal_a_question_is_refused(self) -> None:
+        with pytest.raises(UserError, match="--yes"):
+            self.asked("y", terminal=False)

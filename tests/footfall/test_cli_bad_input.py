@@ -1,5 +1,7 @@
 """Every kind of bad input ends in one line with the reason, status 2, and nothing written."""
 
+import itertools
+import shutil
 import socket
 from pathlib import Path
 
@@ -97,26 +99,22 @@ def test_an_empty_argument_is_refused(shell: Shell) -> None:
     assert "footfall train --help" in shell.refuses("train", "--out", "")
 
 
-GARBAGE = (b"garbage\n", bytes(range(256)), b"{[<mujoco>")
-
-
 @pytest.mark.parametrize(
-    ("file", "tokens"),
+    ("command", "file"),
     [
-        ("walk.onnx", ["deploy", "{}"]),
-        ("walk.onnx", ["evaluate", "{}"]),
-        ("plant.xml", ["deploy", "stand", "--plant", "{}"]),
-        ("plant.xml", ["evaluate", "stand", "--plant", "{}"]),
-        ("log.mcap", ["replay", "{}"]),
-        ("preset.yaml", ["train", "--preset", "{}"]),
-        ("loop.yaml", ["deploy", "stand", "--config", "{}"]),
+        ("deploy", "walk.onnx"),
+        ("evaluate", "walk.onnx"),
+        ("deploy stand --plant", "plant.xml"),
+        ("evaluate stand --plant", "plant.xml"),
+        ("replay", "log.mcap"),
+        ("train --preset", "preset.yaml"),
+        ("deploy stand --config", "loop.yaml"),
     ],
 )
-def test_files_with_garbage_are_refused(shell: Shell, tmp_path: Path, file: str, tokens: list[str]) -> None:
-    path = tmp_path / file
-    for content in GARBAGE:
-        path.write_bytes(content)
-        assert file in shell.refuses(*(token.format(path) for token in tokens))
+def test_files_with_garbage_are_refused(shell: Shell, tmp_path: Path, command: str, file: str) -> None:
+    for content in (b"garbage\n", bytes(range(256)), b"{[<mujoco>"):
+        (tmp_path / file).write_bytes(content)
+        assert file in shell.refuses(*command.split(), tmp_path / file)
 
 
 FRICTION = "friction: {low: 0.6, high: 1.1}"
@@ -144,33 +142,31 @@ FRICTION = "friction: {low: 0.6, high: 1.1}"
 def test_presets_that_cannot_be_trained_are_refused(
     shell: Shell, tmp_path: Path, line: str, instead: str, named: str
 ) -> None:
-    smoke = (PRESETS / "smoke.yaml").read_text()
-    assert line in smoke
-    path = tmp_path / "preset.yaml"
-    path.write_text(smoke.replace(line, instead))
-    complaint = shell.refuses("train", "--preset", path)
+    shutil.copy(PRESETS / "smoke.yaml", tmp_path / "preset.yaml")
+    edit(tmp_path, "preset.yaml", line, instead)
+    complaint = shell.refuses("train", "--preset", tmp_path / "preset.yaml")
     assert "preset.yaml" in complaint
     assert named in complaint
 
 
-@pytest.mark.parametrize("verb", ["deploy", "bring-up"])
-def test_a_motor_timeout_beyond_the_buss_limit_is_refused(shell: Shell, tmp_path: Path, verb: str) -> None:
-    path = tmp_path / "loop.yaml"
-    path.write_text("motor_timeout_s: 0.5")
-    complaint = shell.refuses(verb, "stand", "--bus", "virtual", "--config", path)
-    assert "motor_timeout_s" in complaint
-    assert "0.1 s" in complaint
+def test_a_motor_timeout_beyond_the_buss_limit_is_refused(shell: Shell, tmp_path: Path) -> None:
+    (tmp_path / "loop.yaml").write_text("motor_timeout_s: 0.5")
+    for verb in ("deploy", "bring-up"):
+        complaint = shell.refuses(verb, "stand", "--bus", "virtual", "--config", tmp_path / "loop.yaml")
+        assert "motor_timeout_s" in complaint
+        assert "0.1 s" in complaint
 
 
-@pytest.mark.parametrize("verb", [["deploy", "stand"], ["evaluate", "stand"], ["train"]])
-def test_a_robot_folder_with_garbage_is_refused(shell: Shell, own_folder: Path, verb: list[str]) -> None:
+def test_a_robot_folder_with_garbage_is_refused(shell: Shell, own_folder: Path) -> None:
     (own_folder / "robot.yaml").write_text("name: [")
-    assert "robot.yaml" in shell.refuses(*verb, "--robot", own_folder)
+    for command in ("deploy stand", "evaluate stand", "train"):
+        assert "robot.yaml" in shell.refuses(*command.split(), "--robot", own_folder)
 
 
-@pytest.mark.parametrize("verb", ["deploy", "evaluate", "export"])
-def test_a_run_folder_without_a_policy_is_refused(shell: Shell, tmp_path: Path, verb: str) -> None:
-    assert str(tmp_path / "empty") in shell.refuses(verb, _folder(tmp_path / "empty"))
+def test_a_run_folder_without_a_policy_is_refused(shell: Shell, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    for verb in ("deploy", "evaluate", "export"):
+        assert str(tmp_path / "empty") in shell.refuses(verb, tmp_path / "empty")
 
 
 def test_the_plant_of_another_robot_is_refused(shell: Shell, tmp_path: Path) -> None:
@@ -181,29 +177,15 @@ def test_the_plant_of_another_robot_is_refused(shell: Shell, tmp_path: Path) -> 
     assert "FR_hip_joint" in complaint
 
 
-def _folder(path: Path) -> Path:
-    path.mkdir()
-    return path
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        "deploy stand --json",
-        "deploy stand --log",
-        "evaluate stand --json",
-        "compare stand trot --json",
-        "compare stand trot --html",
-        "export run --out",
-    ],
-)
-def test_outputs_that_cannot_be_written_are_refused(shell: Shell, command: str, tmp_path: Path) -> None:
+def test_outputs_that_cannot_be_written_are_refused(shell: Shell, tmp_path: Path) -> None:
     """Outputs are checked first: each of these commands returns at once."""
-    (tmp_path / "file").write_text("")
+    (tmp_path / "file").touch()
+    (tmp_path / "out").mkdir()
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
-    places = [tmp_path / "absent" / "out", _folder(tmp_path / "out"), tmp_path / "file" / "out"]
-    places += [tmp_path / "loop", *([Path("/proc/out")] if Path("/proc").is_dir() else [])]
-    for place in places:
+    places = [tmp_path / place for place in ("absent/out", "out", "file/out", "loop")]
+    commands = [f"{verb} --json" for verb in ("deploy stand", "evaluate stand", "compare stand trot")]
+    commands += ["deploy stand --log", "compare stand trot --html", "export run --out"]
+    for command, place in itertools.product(commands, [*places, Path("/proc/out")]):
         complaint = shell.refuses(*command.split(), place)
         assert str(place) in complaint or str(place.parent) in complaint
 

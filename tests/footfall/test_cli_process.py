@@ -1,19 +1,26 @@
-"""The installed command as a process: behaviour that only a real process shows."""
+"""The installed command as a process: its libraries and signals, and its result however it ends."""
 
+import json
 import os
+import pty
 import signal
 import subprocess
 import sys
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
+
+import pytest
+from quick_relaxed import write_quick
 
 ROOT = Path(__file__).parents[2]
 FOOTFALL = [sys.executable, "-m", "footfall"]
 
 
-def run(*tokens: str, **options) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*FOOTFALL, *tokens], capture_output=True, text=True, check=False, **options)
+def python(*tokens: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, *tokens]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60, **options)
 
 
 def test_the_api_and_help_import_no_large_library() -> None:
@@ -22,13 +29,14 @@ def test_the_api_and_help_import_no_large_library() -> None:
         "from footfall.cli import main; main(['--help']);"
         "print([m for m in ('jax', 'mujoco', 'onnxruntime', 'can', 'matplotlib') if m in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.rstrip().endswith("[]")
+    done = python("-c", code)
+    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "[]")
 
 
 def test_ctrl_c_while_modules_are_loaded_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "cyclopts.py").write_text("raise KeyboardInterrupt")
-    done = run("list", env=os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"})
+    variables = os.environ | {"PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
+    done = python("-m", "footfall", "list", env=variables)
     assert (done.returncode, done.stderr) == (130, "footfall: interrupted\n")
 
 
@@ -47,9 +55,7 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
     )
     commands = [["deploy", "stand", "--duration", "0.2"], ["train", "--preset", "smoke"]]
     code = f"from footfall.cli import main; print([main(each) for each in {commands!r}])"
-    variables = os.environ | {"PYTHONPATH": str(tmp_path)}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=variables, cwd=ROOT)
+    done = python("-c", code, env=os.environ | {"PYTHONPATH": str(tmp_path)}, cwd=ROOT)
     assert done.stdout.splitlines()[-1] == "[0, 2]"
     assert done.stderr.count("\n") == 1
     assert "[train]'" in done.stderr
@@ -62,8 +68,7 @@ def test_an_interrupted_command_leaves_its_compiler_behind() -> None:
         "Pool(1, COMPILING).submit(time.sleep, 300); "
         "cli.main = lambda: print('stopped') or 143; sys.exit(__main__.main())"
     )
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = python("-c", code)
     assert (done.returncode, done.stdout) == (143, "stopped\n")
 
 
@@ -102,3 +107,103 @@ def processes_of(session: int) -> list[int]:
             state, _, _, of = stat.read_text().rpartition(")")[2].split()[:4]
             found += [int(stat.parent.name)] if int(of) == session and state != "Z" else []
     return found
+
+
+@pytest.fixture
+def walk(tmp_path: Path) -> list[str]:
+    """A command for a run by the wall clock, with figures in run.json; its duration follows."""
+    return [
+        *FOOTFALL, "deploy", "stand", "--realtime", "--config", write_quick(tmp_path),
+        "--json", str(tmp_path / "run.json"), "--duration",
+    ]  # fmt: skip
+
+
+def figures(folder: Path) -> dict[str, Any]:
+    return dict(json.loads((folder / "run.json").read_text()))
+
+
+@pytest.mark.parametrize("closed", [True, False], ids=["terminal closed", "Ctrl-C"])
+def test_a_closed_terminal_and_ctrl_c_end_the_run_in_order(
+    walk: list[str], tmp_path: Path, closed: bool
+) -> None:
+    """The robot lies down and the figures are written, even if every write to the terminal fails."""
+    child, terminal = pty.fork()
+    if child == 0:
+        os.chdir(tmp_path)
+        os.execv(walk[0], [*walk, "600"])
+    read = b""
+    while b"WALKING" not in read:
+        read += os.read(terminal, 1000)
+    if closed:
+        os.close(terminal)
+        os.kill(child, signal.SIGHUP)  # the shell's signal, after the kernel's
+    else:
+        os.write(terminal, b"\x03")
+        with suppress(OSError):  # the process has closed the terminal
+            while os.read(terminal, 1000):
+                pass
+        os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert figures(tmp_path)["final_state"] == "IDLE"
+    assert figures(tmp_path)["walked_s"] < 60.0
+
+
+def test_a_pipe_without_a_reader_ends_the_run_in_order(walk: list[str], tmp_path: Path) -> None:
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with suppress(BlockingIOError):
+        while os.write(writer, b"x" * 4096):
+            pass
+    os.set_blocking(writer, True)
+    command = [*walk, "0.5"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+    os.close(reader)
+    os.close(writer)
+    assert done.returncode == 0  # the figures are in the requested file
+    assert "cannot show the result" in done.stderr
+    assert "the run ended: IDLE" in done.stderr
+    assert figures(tmp_path)["final_state"] == "IDLE"
+
+
+POLICY = """
+import os, resource
+from footfall import load_policy, load_robot
+
+class Mine:
+    name, rate_hz, needs_estimate, contract, notes = "mine", 50.0, False, None, ()
+
+    def __init__(self, robot):
+        self._stand, self._steps = load_policy("stand", robot), 0
+
+    def reset(self, inputs):
+        self._stand.reset(inputs)
+
+    def stance(self):
+        return None
+
+    def act(self, inputs):
+        self._steps += 1
+        if self._steps == 20:
+            {act}
+        return self._stand.act(inputs)
+"""
+
+
+@pytest.mark.parametrize(
+    ("act", "state", "status"),
+    [
+        ("os._exit(0)", "ESTOP", 1),
+        # SIGALRM without an alarm, SIGUSR1
+        ("os.kill(os.getpid(), 14); os.kill(os.getpid(), 10); os.fork()", "IDLE", 0),
+    ],
+    ids=["os._exit", "signals and fork"],
+)
+def test_a_policy_that_exits_the_process_has_failed(
+    walk: list[str], tmp_path: Path, act: str, state: str, status: int
+) -> None:
+    (tmp_path / "mine.py").write_text(POLICY.format(act=act))
+    walk[walk.index("stand")] = "mine:Mine"
+    done = python(*walk[1:], "1", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (status, "")
+    assert figures(tmp_path)["final_state"] == state
+    assert state in done.stdout

@@ -1,8 +1,12 @@
-"""Live display of `footfall deploy`."""
+"""Live display of `footfall deploy`, and its notifications to a service manager."""
 
 import io
+import socket
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,21 +20,25 @@ from footfall import Robot, run_episode
 from footfall import live_state as module
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.safety import State
 from footfall.deploy.timing import Timing
 from footfall.live_state import describe, live_state
 from footfall.plant.robot import SimulatedRobot
+from footfall.service_manager import notifying_service_manager
 
 
-def walk(robot: Robot, console: Console) -> None:
-    """Walks for half a second with the display on, and gives its thread time."""
+def displayed(robot: Robot, **console: Any) -> str:
+    """The display of a walk of half a second, whose thread gets time."""
+    out = io.StringIO()
 
     def display(loop: ControlLoop, velocity: Any) -> Any:
-        return live_state(loop, velocity, 0.5, console)
+        return live_state(loop, velocity, 0.5, Console(file=out, width=200, **console))
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
         time.sleep(0.001)
 
     run_episode(robot, Hold(robot), short_episode(duration_s=0.5, display=display), watch)
+    return out.getvalue()
 
 
 @pytest.fixture
@@ -50,22 +58,56 @@ def test_every_part_of_a_state_is_shown(loop: Any) -> None:
         text = describe(loop, np.array([0.11, -0.22, 9.0]), 2.5)
         numbers = (f"{time_s} of 2.5 s", "+0.50 -0.25", "+0.75", "+0.11 -0.22", "42%", "0.30 rad", "7 ticks")
         assert [number for number in (*numbers, "WALKING") if number not in text] == []
-    for part in (np.full(3, np.nan), np.array([0.1, np.nan, 0.0])):  # an unknown velocity
-        assert "velocity" not in describe(loop, part, 0.1)
+    for unknown in (np.full(3, np.nan), np.array([0.1, np.nan, 0.0])):
+        assert "velocity" not in describe(loop, unknown, 0.1)
 
 
 def test_without_a_terminal_plain_lines_appear(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "LINE_INTERVAL_S", 0.1)
-    out = io.StringIO()
-    walk(go1, Console(file=out, width=200))
-    lines = out.getvalue().splitlines()
+    lines = displayed(go1).splitlines()
     assert len(lines) >= 2
     assert "live state" not in {thread.name for thread in threading.enumerate()}
     assert all(" of 0.5 s, " in line and "\x1b" not in line for line in lines)
 
 
 def test_on_a_terminal_the_state_is_updated_in_place_and_erased_at_the_end(go1: Robot) -> None:
-    out = io.StringIO()
-    walk(go1, Console(file=out, force_terminal=True, width=200))
-    assert "WALKING" in out.getvalue()
-    assert out.getvalue().rstrip("\n").endswith("\x1b[2K")  # the line has been erased
+    text = displayed(go1, force_terminal=True)
+    assert "WALKING" in text
+    assert text.rstrip("\n").endswith("\x1b[2K")  # the line has been erased
+
+
+@pytest.fixture
+def manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+    """A socket in place of systemd's."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(tmp_path / "notify"))
+        manager.settimeout(5.0)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        monkeypatch.setenv("WATCHDOG_USEC", "40000")
+        yield manager
+
+
+def run(heartbeat_s: float) -> Any:
+    return SimpleNamespace(state=State(), battery=BatteryState(charge=0.42), heartbeat_s=heartbeat_s)
+
+
+@pytest.mark.parametrize(("age_s", "alive"), [(0.0, True), (10.0, False)])
+def test_the_service_manager_gets_heartbeats_while_the_loop_ticks(
+    manager: socket.socket, age_s: float, alive: bool
+) -> None:
+    with notifying_service_manager(run(time.perf_counter() - age_s)):
+        first, second = manager.recv(1000), manager.recv(1000)
+    assert first == b"READY=1\nSTATUS=IDLE, battery 42%"
+    assert (b"WATCHDOG=1" in second) is alive
+    manager.settimeout(0.0)
+    last = b""
+    with suppress(BlockingIOError):
+        while True:
+            last = manager.recv(1000)
+    assert last.startswith(b"STOPPING=1")
+
+
+def test_without_a_service_manager_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    with notifying_service_manager(run(0.0)):
+        pass

@@ -28,7 +28,6 @@ LONGEST = (
     "examples/test_notebook.py",
     "train/test_rsl_rl.py",
     "footfall/test_cli_process.py",
-    "footfall/test_cli_result.py",
     "policies/test_controllers_biped.py",
     "envs/test_locomotion.py",
     "plant/test_sensors.py",
