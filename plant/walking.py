@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from footfall.common.constants import GRAVITY_M_S2
+from footfall.common.errors import UserError
 from footfall.plant.episode import Episode, run_episode
 from footfall.plant.trace import Trace
 from footfall.policies.registry import CONTROLLERS, controllers_of, load_policy
@@ -29,12 +30,12 @@ class ControllerResult:
     speed_m_s: float  # mean forward speed once settled
     sway_m_s: float  # largest horizontal speed of the base once settled
     trouble: str  # reason of the failure; empty on success
-    trace: Trace
+    trace: Trace | None  # None if the controller refused its settings
 
     @property
     def outcome(self) -> str:
         """The result in words."""
-        if self.trouble or not self.walks:
+        if self.trouble or self.trace is None or not self.walks:
             return self.trouble or "stands"
         if self.speed_m_s >= SLOW_SHARE * self.command_m_s:
             return "walks"
@@ -44,8 +45,10 @@ class ControllerResult:
 def controllers_test(robot: Robot, duration_s: float = 4.0, seed: int = 0) -> list[ControllerResult]:
     """Let each controller that the robot has settings for stand still, or walk forward at half top speed.
 
+    A controller that refuses its settings has failed; the others are still tested.
+
     Raises:
-        UserError: the settings of a controller cannot work.
+        UserError: the file of settings is not YAML, or names an unknown controller.
     """
     return [_test(robot, name, duration_s, seed) for name in controllers_of(robot)]
 
@@ -55,7 +58,10 @@ def _test(robot: Robot, name: str, duration_s: float, seed: int) -> ControllerRe
     speed = round(SPEED_SHARE * robot.description.commands.forward_m_s[1], 2) if walks else 0.0
     command = np.array([speed, 0.0, 0.0])
     episode = Episode(command_source=lambda _: command, duration_s=duration_s, seed=seed)
-    policy = load_policy(name, robot)
+    try:
+        policy = load_policy(name, robot)
+    except UserError as error:
+        return ControllerResult(name, walks, speed, 0.0, 0.0, str(error).removeprefix(f"{name}: "), None)
     trace = run_episode(robot, policy, episode)
     settled = slice(int(len(trace.time_s) * (1 - MEASURED_SHARE)), None)
     velocity = trace.base_velocity[settled, :2]
@@ -68,12 +74,12 @@ def _test(robot: Robot, name: str, duration_s: float, seed: int) -> ControllerRe
         trouble="",
         trace=trace,
     )
-    return replace(result, trouble=_trouble(robot, result, duration_s))
+    return replace(result, trouble=_trouble(robot, result, trace, duration_s))
 
 
-def _trouble(robot: Robot, result: ControllerResult, duration_s: float) -> str:
+def _trouble(robot: Robot, result: ControllerResult, trace: Trace, duration_s: float) -> str:
     """Reason of the failure; empty on success."""
-    trace, height_m = result.trace, robot.description.standing_height_m
+    height_m = robot.description.standing_height_m
     failed = trace.fall_reason or "; ".join(trace.faults) or ("the simulation diverged" if trace.fell else "")
     if failed:
         return f"{failed}, after {trace.walked_s:.1f} of {duration_s:.1f} s"

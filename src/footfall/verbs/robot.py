@@ -145,12 +145,15 @@ def check(robot: RobotName, /, *, options: CheckOptions = CheckOptions()) -> int
     from footfall.plant.lying import lying_test
     from footfall.plant.standing import standing_test
     from footfall.plant.walking import controllers_test
+    from footfall.policies.registry import controllers_of
     from footfall.robots.description import load_robot
     from footfall.robots.inspection import inspect_robot
 
     loaded = load_robot(robot)
     randomisation_of(loaded)  # refuses ranges that no training could read
     deploy_config(loaded)  # refuses limits with which no run could begin
+    if options.controllers:
+        controllers_of(loaded)  # refuses a file of settings that names an unknown controller
     inspection = inspect_robot(loaded, options.seed)
     robot_check.show_tree(loaded, inspection)
     robot_check.show_feet(inspection)
@@ -204,6 +207,6 @@ def _draw(folder: Path, results: "list[ControllerResult]", path: Path) -> None:
     except ImportError:
         print(f"no picture: {extras_command('report')}")
         return
-    walks = [Walk(result.name, result.trouble, result.trace) for result in results]
+    walks = [Walk(r.name, r.trouble, r.trace) for r in results if r.trace is not None]
     trouble = draw_walks(folder, walks, path)
     print(f"no picture: {trouble}" if trouble else f"wrote {path}")
