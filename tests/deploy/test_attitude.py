@@ -2,18 +2,17 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
+from moments import UP
 from scipy.spatial.transform import Rotation
 
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.estimation.attitude import Attitude, AttitudeEstimator, advanced, attitude_at_rest
 from footfall.deploy.estimation.config import AttitudeConfig
 
-DT_S = 0.002
-CONFIG = AttitudeConfig()
+DT_S, CONFIG = 0.002, AttitudeConfig()
 BIAS = np.array([0.03, -0.02, 0.01])
-UP = np.array([0.0, 0.0, 1.0])
 angles = st.floats(-1.5, 1.5)
 
 
@@ -38,13 +37,12 @@ def rested(true: Rotation, bias: np.ndarray) -> Attitude:
 
 
 @given(angles, angles, angles)
+@example(np.pi, 0.0, 0.0)  # on its back
 def test_at_rest_the_accelerometer_gives_the_tilt(roll: float, pitch: float, yaw: float) -> None:
     true = Rotation.from_euler("xyz", [roll, pitch, yaw])
     found = rested(true, BIAS)
     assert tilt_error(found, true) < 1e-9
     assert found.bias == tuple(BIAS)
-    on_its_back = Rotation.from_euler("x", np.pi)
-    assert tilt_error(rested(on_its_back, BIAS), on_its_back) < 1e-6
 
 
 @pytest.mark.parametrize("rate", [[0.0, 0.0, 1.0], [2.0, -1.0, 0.5], [0.0, 3.0, 0.0]])
@@ -69,12 +67,10 @@ def test_a_gyro_bias_that_appears_later_is_found() -> None:
 
 def test_the_filter_starts_after_the_robot_has_kept_still() -> None:
     """Readings do not count while the robot is carried."""
-    estimator, level = AttitudeEstimator(CONFIG), [0.0, 0.0, GRAVITY_M_S2]
-    leaning = [3.0, 0.0, 9.3]
-    for _ in range(100):
-        assert estimator.update([0.0, 0.0, 0.02], leaning, DT_S) is None
-    assert estimator.update([0.0, 0.5, 0.0], leaning, DT_S) is None
-    started = [estimator.update([0.0, 0.0, 0.01], level, DT_S) for _ in range(260)]
+    estimator, leaning = AttitudeEstimator(CONFIG), [3.0, 0.0, 9.3]
+    for gyro in [[0.0, 0.0, 0.02]] * 100 + [[0.0, 0.5, 0.0]]:
+        assert estimator.update(gyro, leaning, DT_S) is None
+    started = [estimator.update([0.0, 0.0, 0.01], [0.0, 0.0, GRAVITY_M_S2], DT_S) for _ in range(260)]
     assert started.index(next(filter(None, started))) == pytest.approx(CONFIG.rest_s / DT_S, abs=1)
     assert started[-1] is not None
     assert tilt_error(started[-1], Rotation.identity()) < 1e-6

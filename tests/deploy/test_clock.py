@@ -1,17 +1,20 @@
-"""The loop's time: simulated, or by the wall clock."""
+"""The loop's time, simulated or by the wall clock, and the time of frames on a bus."""
 
 import gc
+import math
 import os
 import resource
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from fake_time import FakeTime
 
 from footfall.deploy import clock as clock_module
+from footfall.deploy import interface_time
 from footfall.deploy.clock import WallClock, undisturbed
+from footfall.deploy.frames import frame_bits
+from footfall.deploy.interface_time import Pacing
 
 
 def test_wall_time_keeps_deadlines_and_skips_missed_deadlines(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -33,25 +36,20 @@ def test_wall_time_keeps_deadlines_and_skips_missed_deadlines(monkeypatch: pytes
 class TestUndisturbed:
     """Settings of Python and the system while the loop runs, restored afterwards."""
 
-    @pytest.fixture
-    def before(self) -> Iterator[None]:
-        yield
-        assert gc.isenabled()
-        assert gc.get_freeze_count() == 0
-        assert sys.getswitchinterval() == pytest.approx(0.005)
-        assert timer_slack_ns() == 50_000
-        assert os.sched_getscheduler(0) == os.SCHED_OTHER
+    RESTORED = (True, False, pytest.approx(0.005), 50_000, os.SCHED_OTHER)
 
-    def test_garbage_collection_is_off_and_other_threads_yield(self, before: None) -> None:
+    @staticmethod
+    def settings() -> tuple[bool, bool, float, int, int]:
+        slack_ns = int(Path("/proc/self/timerslack_ns").read_text())
+        frozen = gc.get_freeze_count() > 0
+        return gc.isenabled(), frozen, sys.getswitchinterval(), slack_ns, os.sched_getscheduler(0)
+
+    def test_garbage_collection_is_off_and_other_threads_yield(self) -> None:
         with undisturbed(None) as refused:
-            assert not gc.isenabled()
-            assert gc.get_freeze_count() > 0
-            assert sys.getswitchinterval() <= 1e-4
-            assert timer_slack_ns() == 1
-            assert os.sched_getscheduler(0) == os.SCHED_OTHER
-        assert refused == []
+            assert self.settings() == (False, True, pytest.approx(1e-4), 1, os.SCHED_OTHER)
+        assert (refused, self.settings()) == ([], self.RESTORED)
 
-    def test_a_refused_priority_is_noted(self, before: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_refused_priority_is_noted(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def refuse(*_: object) -> None:
             raise PermissionError(1, "Operation not permitted")
 
@@ -64,6 +62,7 @@ class TestUndisturbed:
             "memory is not locked: the limit (ulimit -l) is 8 MiB",
             "no real-time priority 80: Operation not permitted",
         ]
+        assert self.settings() == self.RESTORED
 
     @pytest.mark.parametrize(
         ("limit", "capabilities", "may"),
@@ -82,5 +81,24 @@ class TestUndisturbed:
         assert clock_module.may_lock_memory(tmp_path / "status") is may
 
 
-def timer_slack_ns() -> int:
-    return int(Path("/proc/self/timerslack_ns").read_text())
+@pytest.mark.parametrize("length", [0, 3, 8])
+def test_a_frame_counts_the_largest_number_of_stuff_bits(length: int) -> None:
+    """The formula of ISO 11898 is 47 + 8 n + floor((34 + 8 n - 1) / 4), with 67 and 54 for 29 bits."""
+    assert frame_bits(length) == 47 + 8 * length + math.floor((33 + 8 * length) / 4)
+    assert frame_bits(length, True) == 67 + 8 * length + math.floor((53 + 8 * length) / 4)
+
+
+def test_a_frame_waits_while_the_interfaces_queue_would_overflow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fourth frame waits for the first of three. Frames of another interface do not wait."""
+    fake, pacing = FakeTime(), Pacing(2, queue_frames=3)
+    monkeypatch.setattr(interface_time, "time", fake)
+    for interfaces, pause_ns, slept in (
+        ((0, 0, 0), 0, []),
+        ((1, 1, 0), 0, [frame_bits(8) * 1e-6]),
+        ((0, 0, 0), 10_000_000, []),  # the queue has run empty
+    ):
+        fake.ns += pause_ns
+        fake.slept.clear()
+        for interface in interfaces:
+            pacing.wait(interface, frame_bits(8))
+        assert fake.slept == pytest.approx(slept)

@@ -41,6 +41,20 @@ REFUSED = (
     "safety: {pause_limit_s: .inf}",
     "safety: {sensors: {drift_rad: .nan}}",
     "safety: {sensors: {speed_share: 0.9}}",
+    "safety: {sensors: {torque_hidden: 0.06, torque_much: 0.06}}",
+)
+ACCEPTED = (
+    "safety: {silence_timeout_s: 0.004}",
+    "{stand_kp_scale: 0.1, stand_kd_scale: 0}",
+    "realtime_priority: 1",
+    "realtime_priority: 99",
+    "safety: {damping_s: 0.01, tilt_limit_rad: 1.57, late_steps: 1}",
+    "safety: {pause_limit_s: 0.089, late_limit_s: 0.089}",  # 1.1 times that and a tick: 0.0999 s
+    "joint_rate_hz: 50",  # a tick of 20 ms, after 77 ms
+    "motor_timeout_s: 0.08",
+    "safety: {pause_limit_s: 0.004, start_timeout_s: 0.02, still_s: 0}",
+    "estimator_rate_hz: 1",
+    "safety: {sensors: {torque_hidden: 0.059, torque_much: 0.06}}",
 )
 
 
@@ -57,6 +71,11 @@ def test_bad_settings_are_refused_with_file_and_name(go1: Robot, tmp_path: Path)
         deploy_config(go1, path)
 
 
+def figures(settings: type) -> list[str]:
+    """Settings whose default is a float; those with None or a table have their own rows."""
+    return [each.name for each in fields(settings) if isinstance(each.default, float)]
+
+
 def refused(settings: type, name: str, value: float) -> bool:
     """Whether a setting is refused for any values of the other settings."""
     try:
@@ -67,44 +86,27 @@ def refused(settings: type, name: str, value: float) -> bool:
 
 
 def test_no_setting_may_be_nan_or_infinite() -> None:
-    """Settings whose default is None or a table have their own rows."""
     classes = (DeployConfig, SafetyConfig, SensorLimits, BringUpConfig, BringUpLimits, WiringCheckConfig)
     for settings in classes:
-        numbers = [each.name for each in fields(settings) if isinstance(each.default, float)]
-        assert numbers
-        for name in numbers:
+        assert figures(settings)
+        for name in figures(settings):
             assert all(refused(settings, name, value) for value in (math.nan, math.inf, -math.inf)), name
 
 
-ESTIMATOR: list[tuple[type, str, bool]] = [  # whether a figure may be 0
-    (ContactConfig, "force_filter_s rise_s level_m", False),
-    (GyroConfig, "bias_filter_s bias_half_s", False),
-    (FilterConfig, "acceleration_noise leg_velocity_noise swing_noise", False),
-    (FilterConfig, "outlier_freedom push_m_s push_filter_s", False),
-    (FilterConfig, "acceleration_change acceleration_bias acceleration_bias_drift", True),
-    (OdometryConfig, "height_noise height_filter_s latency_filter_s", False),
-    (OdometryConfig, "orientation_noise yaw_drift scale_error climb_error slip", True),
-    (OdometryConfig, "creep_m_s sink_m_s latency_s", True),
-]
-
-
 def test_settings_of_the_estimator_are_not_negative_and_divisors_above_zero() -> None:
-    for settings, names, zero in ESTIMATOR:
-        for name in names.split():
-            assert refused(settings, name, 0.0) is not zero, name
+    may_be_zero = (
+        "sensor_trial_s acceleration_change acceleration_bias acceleration_bias_drift fall_m latency_s"
+    )
+    may_be_zero += " orientation_noise yaw_drift scale_error climb_error slip creep_m_s sink_m_s"
+    for settings in (ContactConfig, GyroConfig, FilterConfig, OdometryConfig):
+        for name in figures(settings):
+            assert refused(settings, name, 0.0) is (name not in may_be_zero.split()), name
             values = (-1e-9, math.inf, 1e300, 1e-9)  # the square of 1e300 is infinite
             assert [refused(settings, name, value) for value in values] == [True, True, True, False], name
 
 
-def test_torque_hidden_is_below_torque_much() -> None:
-    with pytest.raises(UserError, match="torque_hidden"):
-        SensorLimits(torque_hidden=0.06, torque_much=0.06)
-    SensorLimits(torque_hidden=0.059, torque_much=0.06)
-
-
-@pytest.mark.parametrize(("rate_hz", "tick_us"), [(500.0, 2000), (300.0, 3333), (600.0, 1667)])
-def test_a_tick_is_the_nearest_whole_number_of_microseconds(rate_hz: float, tick_us: int) -> None:
-    assert DeployConfig(joint_rate_hz=rate_hz).tick_us == tick_us
+def test_a_tick_is_the_nearest_whole_number_of_microseconds() -> None:
+    assert [DeployConfig(joint_rate_hz=hz).tick_us for hz in (500.0, 300.0, 600.0)] == [2000, 3333, 1667]
 
 
 def test_the_defaults_and_the_page_on_safety_agree(go1: Robot, tmp_path: Path) -> None:
@@ -112,20 +114,6 @@ def test_the_defaults_and_the_page_on_safety_agree(go1: Robot, tmp_path: Path) -
     path = tmp_path / "loop.yaml"
     path.write_text(page.partition("<!-- read as: loop -->\n```yaml")[2].partition("```")[0])
     assert replace(deploy_config(go1, path), realtime_priority=None) == DeployConfig()
-
-
-ACCEPTED = (
-    "safety: {silence_timeout_s: 0.004}",
-    "{stand_kp_scale: 0.1, stand_kd_scale: 0}",
-    "realtime_priority: 1",
-    "realtime_priority: 99",
-    "safety: {damping_s: 0.01, tilt_limit_rad: 1.57, late_steps: 1}",
-    "safety: {pause_limit_s: 0.089, late_limit_s: 0.089}",  # 1.1 times that and a tick: 0.0999 s
-    "joint_rate_hz: 50",  # a tick of 20 ms, after 77 ms
-    "motor_timeout_s: 0.08",
-    "safety: {pause_limit_s: 0.004, start_timeout_s: 0.02, still_s: 0}",
-    "estimator_rate_hz: 1",
-)
 
 
 def test_only_simulated_motors_can_have_a_longer_timeout(go1: Robot, tmp_path: Path) -> None:
@@ -136,28 +124,27 @@ def test_only_simulated_motors_can_have_a_longer_timeout(go1: Robot, tmp_path: P
         deploy_config(go1, path)
 
 
-class TestLimitsOfARobot:
-    """`safety` in robot.yaml."""
+def test_a_robots_limits_replace_the_defaults_and_a_file_changes_single_limits(
+    go1: Robot, tmp_path: Path
+) -> None:
+    """A robot's limits are `safety` in robot.yaml."""
+    path = tmp_path / "loop.yaml"
+    robot = described(go1, safety={"tilt_limit_rad": 0.7, "sensors": {"sunk": 0.5}})
+    path.write_text("{stand_s: 0.5, safety: {tilt_limit_rad: 0.9}}")
+    for file, tilt_rad, stand_s in ((None, 0.7, DeployConfig().stand_s), (path, 0.9, 0.5)):
+        config = deploy_config(robot, file)
+        assert (config.safety.tilt_limit_rad, config.safety.sensors.sunk) == (tilt_rad, 0.5)
+        assert config.safety.silence_timeout_s == DeployConfig().safety.silence_timeout_s
+        assert config.stand_s == stand_s
+    with pytest.raises(UserError, match=r"go1/robot.yaml: safety: .*\btilt\b"):
+        deploy_config(described(go1, safety={"tilt": 0.7}))
 
-    def test_a_robots_limits_replace_the_defaults_and_a_file_changes_single_limits(
-        self, go1: Robot, tmp_path: Path
-    ) -> None:
-        path = tmp_path / "loop.yaml"
-        robot = described(go1, safety={"tilt_limit_rad": 0.7, "sensors": {"sunk": 0.5}})
-        path.write_text("{stand_s: 0.5, safety: {tilt_limit_rad: 0.9}}")
-        for file, tilt_rad, stand_s in ((None, 0.7, DeployConfig().stand_s), (path, 0.9, 0.5)):
-            config = deploy_config(robot, file)
-            assert (config.safety.tilt_limit_rad, config.safety.sensors.sunk) == (tilt_rad, 0.5)
-            assert config.safety.silence_timeout_s == DeployConfig().safety.silence_timeout_s
-            assert config.stand_s == stand_s
-        with pytest.raises(UserError, match=r"go1/robot.yaml: safety: .*\btilt\b"):
-            deploy_config(described(go1, safety={"tilt": 0.7}))
 
-    def test_a_robots_limits_must_fit_the_motors_timeout(self, go1: Robot) -> None:
-        """go1 allows a policy to be 0.07 s late: motors with a timeout of 0.06 s are disabled by then."""
-        knee = replace(go1.description.motors["knee"], timeout_s=0.06)
-        robot = described(go1, motors={**go1.description.motors, "knee": knee})
-        with pytest.raises(UserError, match=r"0\.06 s"):
-            deploy_config(robot)
-        sooner = described(robot, safety={"pause_limit_s": 0.05, "late_limit_s": 0.05})  # 57 ms with a tick
-        assert deploy_config(sooner).motor_timeout_s == 0.06
+def test_a_robots_limits_must_fit_the_motors_timeout(go1: Robot) -> None:
+    """go1 allows a policy to be 0.07 s late: motors with a timeout of 0.06 s are disabled by then."""
+    knee = replace(go1.description.motors["knee"], timeout_s=0.06)
+    robot = described(go1, motors={**go1.description.motors, "knee": knee})
+    with pytest.raises(UserError, match=r"0\.06 s"):
+        deploy_config(robot)
+    sooner = described(robot, safety={"pause_limit_s": 0.05, "late_limit_s": 0.05})  # 57 ms with a tick
+    assert deploy_config(sooner).motor_timeout_s == 0.06

@@ -5,14 +5,19 @@ from typing import Any
 import numpy as np
 import pytest
 from changed_robots import with_each_motor
-from some_motors import MAKERS, read_settings, with_motors
+from some_motors import MAKERS, with_motors
 
 from footfall import Robot, UserError
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 
-LIMITS = {"RobStride": "torque", "moteus": "torque", "ODrive": "current"}
+# What a maker's drives limit, and the limits of the simulated drives.
+LIMITS = {
+    "RobStride": ("torque", lambda end: [own[0x700B] for own in end.parameters]),
+    "moteus": ("torque", lambda end: end.torque_limit),
+    "ODrive": ("current", lambda end: end.current_limit),
+}
 
 
 def limited(robot: Robot, maker: str, limit: Any) -> Robot:
@@ -21,31 +26,23 @@ def limited(robot: Robot, maker: str, limit: Any) -> Robot:
     return with_each_motor(made, drive_limit=limit, current_endpoint=301)
 
 
-def set_in(end: Any, maker: str) -> np.ndarray:
-    """The limit of each simulated drive."""
-    if maker == "RobStride":
-        return np.array([own[0x700B] for own in end.parameters])
-    return np.array(end.torque_limit if maker == "moteus" else end.current_limit)
-
-
 @pytest.mark.parametrize("maker", LIMITS)
 def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker: str) -> None:
-    robot = limited(go1, maker, LIMITS[maker])
+    limit, limits_of = LIMITS[maker]
+    robot = limited(go1, maker, limit)
     wiring = wiring_of(robot)
     driver, end = open_driver(wiring), open_motor_end(wiring)
-    assert not np.allclose(set_in(end, maker), wiring.highest)
-    if maker != "ODrive":
-        read_settings(driver, end)
-    else:
-        for _ in range(5):
-            result = end.settings_replies(driver.query_settings())
-            if result is not None:
-                driver.replies(result)
+    assert not np.allclose(limits_of(end), wiring.highest)
+    for _ in range(10):
+        answer = end.settings_replies(driver.query_settings())
+        if answer is not None:
+            driver.replies(answer)
+    assert maker == "ODrive" or driver.not_ready() == ""
     motors = [robot.description.motors[joint.motor] for joint in robot.description.joints]
     expected = np.array([motor.peak_torque_nm for motor in motors])
-    if maker == "ODrive":
+    if limit == "current":
         expected /= [motor.gear_ratio * motor.torque_constant_nm_a for motor in motors]
-    np.testing.assert_allclose(set_in(end, maker), expected, rtol=1e-6)
+    np.testing.assert_allclose(limits_of(end), expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize(

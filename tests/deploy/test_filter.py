@@ -31,13 +31,10 @@ def coupled(seed: int = 3) -> MotionFilter:
 
 class TestFilter:
     def test_prediction_follows_the_textbook(self) -> None:
-        """The covariance is F P F' + Q with p' = p + v dt, v' = v + (a - b) dt.
-
-        A is the mean of two readings.
-        """
+        """The covariance is F P F' + Q with p' = p + v dt, v' = v + (a - b) dt; a: mean of two readings."""
         config, dt_s, turn = NO_OUTLIERS, 0.003, about("x", 0.3)
         motion = coupled()
-        position, velocity, bias = (np.array(x) for x in (motion.position, motion.velocity, motion.bias))
+        position, velocity, bias = np.array([motion.position, motion.velocity, motion.bias])
         forces = np.array([[1.0, -2.0, 11.0], [1.5, -2.5, 10.0]])
         motion.predict(forces[0].tolist(), turn.tolist(), 0.0)
         before = matrix(motion)
@@ -61,13 +58,11 @@ class TestFilter:
         contact = np.array([1.0, 0.6, 0.0, 0.3])
         motion.correct(velocities.tolist(), contact.tolist(), LEVEL, 0.002)
 
-        measures = np.zeros((4, 3))
-        measures[:, 1] = 1.0
-        factor = np.array([1.0, 1 / 0.36, 1000.0, 1 / 0.09])
-        noise = np.diag((config.leg_velocity_noise * factor) ** 2)
+        measures = np.tile([0.0, 1.0, 0.0], (4, 1))
+        noise = np.diag(config.leg_velocity_noise * np.array([1.0, 1 / 0.36, 1000.0, 1 / 0.09])) ** 2
         gain = covariance @ measures.T @ np.linalg.inv(measures @ covariance @ measures.T + noise)
-        expected = state + gain @ (velocities - measures @ state)
-        np.testing.assert_allclose([motion.position, motion.velocity, motion.bias], expected, rtol=1e-9)
+        state += gain @ (velocities - measures @ state)
+        np.testing.assert_allclose([motion.position, motion.velocity, motion.bias], state, rtol=1e-9)
         np.testing.assert_allclose(matrix(motion), (np.eye(3) - gain @ measures) @ covariance, rtol=1e-7)
 
     def test_the_accelerometers_bias_is_in_body_axes(self) -> None:
@@ -85,23 +80,16 @@ class TestFilter:
         motion.vv, noise = 4e-4, 9e-4
         motion.correct([[0.3, 0.0, 0.0]], [1.0], LEVEL, 0.002)
         misfit = 0.09 / (3 * (4e-4 + noise))
-        expected = 0.3 * 4e-4 / (4e-4 + noise * (1 + misfit / 4.0))
-        assert motion.velocity[0] == pytest.approx(expected)
+        assert motion.velocity[0] == pytest.approx(0.3 * 4e-4 / (4e-4 + noise * (1 + misfit / 4.0)))
 
     @pytest.mark.parametrize("axis", [0, 1, 2])
     @pytest.mark.parametrize(("ticks", "follows"), [(1, False), (15, True)])
     def test_the_velocity_follows_a_push_that_lasts(self, ticks: int, follows: bool, axis: int) -> None:
-        """All legs measure 0.4 m/s and the accelerometer nothing.
-
-        A shock if for 2 ms, a push if for 30 ms.
-        """
+        """All legs measure 0.4 m/s, the accelerometer nothing: a shock lasts 2 ms, a push 30 ms."""
         motion = MotionFilter(FilterConfig())
         motion.predict([0.0, 0.0, 9.81], LEVEL, 0.002)
-        for _ in range(500):
+        for velocity in [np.zeros(3)] * 500 + [0.4 * np.eye(3)[axis]] * ticks:
             motion.predict([0.0, 0.0, 9.81], LEVEL, 0.002)
-            motion.correct([[0.0, 0.0, 0.0]] * 2, [1.0, 1.0], LEVEL, 0.002)
-        for _ in range(ticks):
-            motion.predict([0.0, 0.0, 9.81], LEVEL, 0.002)
-            motion.correct([(0.4 * np.eye(3)[axis]).tolist()] * 2, [1.0, 1.0], LEVEL, 0.002)
+            motion.correct([velocity.tolist()] * 2, [1.0, 1.0], LEVEL, 0.002)
         assert (motion.velocity[axis] > 0.35) == follows
         assert (motion.velocity[axis] < 0.02) != follows

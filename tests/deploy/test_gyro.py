@@ -1,13 +1,11 @@
 """The gyro's bias, found by how the IMU's orientation turns."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
-from footfall.common.rotations import multiply
 from footfall.deploy.estimation.config import GyroConfig
 from footfall.deploy.estimation.gyro import GyroBias
 
@@ -15,22 +13,13 @@ DT_S = 0.002
 BIAS = np.array([0.03, -0.02, 0.01])
 
 
-def turn(vector: np.ndarray) -> np.ndarray:
-    """Quaternion of a rotation vector."""
-    angle = float(np.linalg.norm(vector))
-    axis = vector / angle if angle else vector
-    return np.array([np.cos(angle / 2), *np.sin(angle / 2) * axis])
-
-
 def follow(estimator: GyroBias, rate: np.ndarray, seconds: float, noise: float = 0.0) -> list[float]:
     """Turn steadily at a rate about the body's axes; returns the last estimate of it."""
-    rng = np.random.default_rng(0)
-    quaternion = turn(np.array([0.3, -0.4, 2.0]))
-    found = [0.0, 0.0, 0.0]
-    for _ in range(round(seconds / DT_S)):
-        quaternion = multiply(quaternion, turn(rate * DT_S))
-        read = multiply(quaternion, turn(rng.uniform(-noise, noise, 3)))
-        found = estimator.update((rate + BIAS).tolist(), read.tolist(), DT_S)
+    ticks = np.arange(1, round(seconds / DT_S) + 1)
+    true = Rotation.from_rotvec([0.3, -0.4, 2.0]) * Rotation.from_rotvec(np.outer(ticks, rate * DT_S))
+    errors = np.random.default_rng(0).uniform(-noise, noise, (len(ticks), 3))
+    for quaternion in (true * Rotation.from_rotvec(errors)).as_quat(scalar_first=True).tolist():
+        found = estimator.update((rate + BIAS).tolist(), quaternion, DT_S)
     return found
 
 
@@ -48,23 +37,21 @@ def test_an_averaging_time_below_one_step_is_one_step() -> None:
 
 def test_acceleration_is_no_bias() -> None:
     """Between two readings the robot turns by their mean: from 0 to 10 rad/s in half a second."""
-    estimator, quaternion = GyroBias(GyroConfig()), turn(np.zeros(3))
-    rates = np.linspace(0.0, 10.0, 251)
-    estimator.update([0.0, 0.0, 0.0], quaternion.tolist(), DT_S)
-    for before, rate in pairwise(rates):
-        quaternion = multiply(quaternion, turn(np.array([0.5 * (before + rate) * DT_S, 0.0, 0.0])))
-        estimator.update([rate, 0.0, 0.0], quaternion.tolist(), DT_S)
+    estimator, rates = GyroBias(GyroConfig()), np.linspace(0.0, 10.0, 251)
+    angles = np.cumsum([0.0, *(0.5 * DT_S * (rates[:-1] + rates[1:]))])
+    turned = Rotation.from_rotvec(np.outer(angles, [1.0, 0.0, 0.0])).as_quat(scalar_first=True)
+    for rate, quaternion in zip(rates.tolist(), turned.tolist(), strict=True):
+        estimator.update([rate, 0.0, 0.0], quaternion, DT_S)
     assert estimator.bias == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)
 
 
 @given(st.integers(0, 999))
 def test_a_quaternion_and_its_negative_are_one_orientation(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    estimators = GyroBias(GyroConfig()), GyroBias(GyroConfig())
-    quaternion = turn(rng.normal(size=3))
-    for step in range(5):
-        quaternion = multiply(quaternion, turn(0.01 * rng.normal(size=3)))
+    same, alternating = GyroBias(GyroConfig()), GyroBias(GyroConfig())
+    turned = Rotation.from_rotvec(rng.normal(size=3)) * Rotation.from_rotvec(0.01 * rng.normal(size=(5, 3)))
+    for step, quaternion in enumerate(turned.as_quat(scalar_first=True)):
         gyro = rng.normal(size=3).tolist()
-        one = estimators[0].update(gyro, quaternion.tolist(), DT_S)
-        other = estimators[1].update(gyro, (quaternion if step % 2 else -quaternion).tolist(), DT_S)
-        assert other == pytest.approx(one, abs=1e-9)
+        expected = same.update(gyro, quaternion.tolist(), DT_S)
+        found = alternating.update(gyro, ((-1) ** step * quaternion).tolist(), DT_S)
+        assert found == pytest.approx(expected, abs=1e-9)

@@ -1,9 +1,11 @@
-"""Code that never returns: a policy that sleeps or spins, code outside Python; motors that do not reply."""
+"""Code that never returns or ends the program: the robot is damped, then its motors are disabled."""
 
+import queue
 import signal
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import count
 
@@ -13,16 +15,16 @@ from relaxed_limits import RELAXED
 from watched_simulation import Simulation, motor_commands
 
 from footfall import JointCommand, Robot
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import OverdueError, deadlines
 from footfall.deploy.frames import Frames
 from footfall.deploy.guard import Guard
+from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, run_session
 
 CONFIG = replace(
     RELAXED, joint_rate_hz=100.0, stand_s=0.3, safety=replace(RELAXED.safety, late_limit_s=0.3, damping_s=0.2)
 )
-GUARDED = replace(CONFIG, safety=replace(CONFIG.safety, pause_limit_s=1.0))  # takes over after 1.1 s
-LONG = Session(stand_still, 9.0, config=GUARDED)
 
 
 def spin(_: JointCommand) -> JointCommand:
@@ -33,19 +35,11 @@ def spin(_: JointCommand) -> JointCommand:
             continue
 
 
-def sleep(_: JointCommand) -> JointCommand:
-    time.sleep(60.0)
-    raise AssertionError
-
-
-@pytest.mark.parametrize("hang", [spin, sleep])
-def test_a_hanging_call_is_interrupted_at_its_deadline(
-    go1: Robot, hang: Callable[[JointCommand], JointCommand]
-) -> None:
+@pytest.mark.parametrize("hang", [spin, lambda _: time.sleep(60.0)], ids=["spin", "sleep"])
+def test_a_hanging_call_is_interrupted_at_its_deadline(go1: Robot, hang: Callable) -> None:
     simulation, began = Simulation(go1), time.monotonic()
-    outcome = run_session(
-        go1, FailingPolicy(go1, 0.2, hang), simulation.bus, Session(stand_still, 9.0, config=CONFIG)
-    )
+    session = Session(stand_still, 9.0, config=CONFIG)
+    outcome = run_session(go1, FailingPolicy(go1, 0.2, hang), simulation.bus, session)
     assert outcome.final_state == "ESTOP"
     assert outcome.faults == ("the policy ran late: no decision within 300 ms",)
     assert time.monotonic() - began < 30.0
@@ -53,7 +47,7 @@ def test_a_hanging_call_is_interrupted_at_its_deadline(
 
 
 def test_only_a_call_in_the_main_thread_is_interrupted() -> None:
-    before, found = signal.getsignal(signal.SIGALRM), []
+    before = signal.getsignal(signal.SIGALRM)
     with deadlines() as arm:
         arm(0.02)
         with pytest.raises(OverdueError):
@@ -67,35 +61,54 @@ def test_only_a_call_in_the_main_thread_is_interrupted() -> None:
         with deadlines() as arm:
             arm(0.01)
             time.sleep(0.03)
-            found.append(True)
 
-    thread = threading.Thread(target=elsewhere)
-    thread.start()
-    thread.join()
-    assert found == [True]
+    with ThreadPoolExecutor(1) as threads:
+        threads.submit(elsewhere).result()
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+@pytest.mark.parametrize("ends", [KeyboardInterrupt, SystemExit, GeneratorExit])
+def test_an_exception_that_ends_the_program_damps_and_disables(
+    go1: Robot, ends: type[BaseException], repeated: bool
+) -> None:
+    """It comes during a walk, once or in each tick from then on."""
+    simulation = Simulation(go1)
+    receive = simulation.bus.receive
+
+    def end(loop: ControlLoop) -> None:
+        if loop.walking:
+            if repeated:
+                simulation.bus.receive = refuse  # type: ignore[method-assign]
+            raise ends
+
+    def refuse(now_us: int) -> list[Frames]:
+        receive(now_us)
+        raise SystemExit
+
+    session = Session(stand_still, 9.0, realtime=False, config=DeployConfig(stand_s=0.2))
+    with pytest.raises(ends):
+        run_session(go1, Hold(go1), simulation.bus, session, end)
+    (stiff, _), (damped, ticks), (off, _) = motor_commands(go1, simulation.sent)[-3:]
+    assert (stiff, damped, off) == ("stiff", "damped", "off")
+    assert ticks in (250, 251)  # damping_s, 0.5 s at 500 Hz
+    assert not simulation.body.motors_on.any()
 
 
 class TestGuard:
-    def test_a_loop_that_does_not_return_is_damped_and_its_process_ended(self, capsys) -> None:  # type: ignore[no-untyped-def]
+    def test_a_loop_that_does_not_return_is_damped_and_its_process_ended(
+        self, capsys: pytest.CaptureFixture[str]
+    ) -> None:
         acts: list[str] = []
-        codes: list[int] = []
-        ended = threading.Event()
-
-        def end(status: int) -> None:
-            codes.append(status)
-            ended.set()
+        began, taken_over, codes = time.perf_counter(), threading.Event(), queue.Queue()
 
         def damp() -> None:
             acts.append("damp" if taken_over.is_set() else "damp while the loop may send")
             raise OSError("a failing bus must not stop the guard")
 
-        began = time.perf_counter()
-        taken_over = threading.Event()
-        Guard(lambda: began, damp, lambda: acts.append("off"), 0.05, 0.06, taken_over, end)
-        assert ended.wait(30.0)
-        assert codes == [1]
-        assert set(acts[:-1]) == {"damp"}
-        assert acts[-1] == "off"
+        Guard(lambda: began, damp, lambda: acts.append("off"), 0.05, 0.06, taken_over, codes.put)
+        assert codes.get(timeout=30.0) == 1
+        assert codes.empty()
+        assert (set(acts[:-1]), acts[-1]) == ({"damp"}, "off")
         assert capsys.readouterr().err
 
     def test_the_guard_does_nothing_while_the_loop_is_in_time(self) -> None:
@@ -107,9 +120,8 @@ class TestGuard:
 
     def test_a_loop_that_returns_within_a_tick_leaves_its_damping(self, go1: Robot) -> None:
         """A bus blocks while it is read, so the tick's decision is out of date."""
-        simulation = Simulation(go1)
+        simulation, ticks = Simulation(go1), count()
         receive = simulation.bus.receive
-        ticks = count()
 
         def block(now_us: int) -> list[Frames]:
             if next(ticks) == 60:
@@ -117,8 +129,8 @@ class TestGuard:
             return receive(now_us)
 
         simulation.bus.receive = block  # type: ignore[method-assign]
-        strict = replace(CONFIG.safety, pause_limit_s=1.0, damping_s=0.6)
-        session = replace(LONG, config=replace(CONFIG, safety=strict))
+        safety = replace(CONFIG.safety, pause_limit_s=1.0, damping_s=0.6)  # the guard takes over after 1.1 s
+        session = Session(stand_still, 9.0, config=replace(CONFIG, safety=safety))
         outcome = run_session(go1, Hold(go1), simulation.bus, session)
         assert "guard" in outcome.faults[-1]
         assert [what for what, _ in motor_commands(go1, simulation.sent)] == ["on", "stiff", "damped", "off"]

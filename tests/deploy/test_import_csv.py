@@ -32,8 +32,7 @@ MAP: dict[str, Any] = {
     "imu_mounting": MOUNTING.as_quat(scalar_first=True).tolist(),
     "rate_unit_rad_s": float(np.pi / 180.0),
 }
-
-
+STANDING = {"time": "t", "joint_position": dict.fromkeys(JOINTS, "a")}
 Walk = tuple[Path, np.ndarray]
 
 
@@ -54,28 +53,25 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Walk:
     ahead = short_episode(command_source=lambda _: np.array([0.4, 0.0, 0.0]), duration_s=2.0)
     run_episode(ROBOT, load_policy("trot", ROBOT), ahead, note)
     rest = [[row * 0.002, *rows[0][1:]] for row in range(-300, 0)]
+    names = *MAP["joint_position"].values(), *MAP["joint_torque"].values()
     path = tmp_path_factory.mktemp("recording") / "walk.csv"
     with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        names = *MAP["joint_position"].values(), *MAP["joint_torque"].values()
-        writer.writerow(["t", "wx", "wy", "wz", "ax", "ay", "az", *names])
-        writer.writerows(rest + rows)
+        csv.writer(file).writerows([["t", "wx", "wy", "wz", "ax", "ay", "az", *names], *rest, *rows])
     return path, positions[-1] - positions[0]
 
 
-def typed(shell: Shell, walk: Walk, tmp_path: Path, **changes: Any) -> list[str | Path]:
-    """The command, with changes to the map."""
-    chart = tmp_path / "map.yaml"
-    chart.write_text(yaml.safe_dump({**MAP, **changes}))
-    return ["log", "import", walk[0], "--map", chart, "--robot", "go1", "--out", tmp_path / "walk.mcap"]
+def command(table: Path, folder: Path, chart: dict[str, Any]) -> list[str | Path]:
+    """The command that imports a table by a map into a folder."""
+    (folder / "map.yaml").write_text(yaml.safe_dump(chart))
+    more = ["--map", folder / "map.yaml", "--out", folder / "walk.mcap"]
+    return ["log", "import", table, "--robot", "go1", *more]
 
 
 def test_the_log_contains_the_walked_path(shell: Shell, walk: Walk, tmp_path: Path) -> None:
-    result = shell(*typed(shell, walk, tmp_path))
+    result = shell(*command(walk[0], tmp_path, MAP))
     assert result.status == 0, result
     columns, count = read_columns(tmp_path / "walk.mcap"), len(JOINTS)
-    with walk[0].open() as file:
-        rows = np.array([[float(cell) for cell in row] for row in list(csv.reader(file))[1:]])
+    rows = np.loadtxt(walk[0], delimiter=",", skiprows=1)
     assert columns.readings.values[:, :count] == pytest.approx(rows[:, 7 : 7 + count])
     assert columns.readings.time_s == pytest.approx(rows[:, 0] - rows[0, 0], abs=1e-6)
     position = columns.column("/odom", 85).values[-1, :2]
@@ -88,11 +84,11 @@ def test_the_log_contains_the_walked_path(shell: Shell, walk: Walk, tmp_path: Pa
 
 def test_foot_forces_may_replace_torques(shell: Shell, walk: Walk, tmp_path: Path) -> None:
     """Feet without load: the acceleration's column, which is about zero, replaces the force."""
-    forces = {name: "ax" for name in FEET}
-    assert shell(*typed(shell, walk, tmp_path, joint_torque={}, foot_force=forces)).status == 0
+    changes = {"joint_torque": {}, "foot_force": dict.fromkeys(FEET, "ax")}
+    assert shell(*command(walk[0], tmp_path, MAP | changes)).status == 0
     contact = read_columns(tmp_path / "walk.mcap").column("/contacts", 4).values
     assert contact[-50:].max() < 0.1
-    assert shell(*typed(shell, walk, tmp_path, joint_torque={})).status == 0
+    assert shell(*command(walk[0], tmp_path, MAP | {"joint_torque": {}})).status == 0
     counts = read_columns(tmp_path / "walk.mcap").counts
     assert counts["/joint_states"] > 1000
     assert "/odom" not in counts
@@ -103,26 +99,22 @@ def test_foot_forces_may_replace_torques(shell: Shell, walk: Walk, tmp_path: Pat
     [
         ({"time": "clock"}, "clock"),
         ({"joint_position": {"knee": "t"}}, "FR_hip_joint"),
-        ({"foot_force": {**dict.fromkeys(FEET, "ax"), "tail": "ax"}}, "tail"),
+        ({"foot_force": dict.fromkeys((*FEET, "tail"), "ax")}, "tail"),
         ({"time_unit_s": -1.0}, "time_unit_s"),
         ({"time": "ax"}, "line"),
         ({"gyro": ["ax", "ay", "az"]}, "never at rest"),  # no attitude
     ],
 )
 def test_an_unfit_map(shell: Shell, walk: Walk, tmp_path: Path, changes: dict[str, Any], named: str) -> None:
-    assert named in shell.refuses(*typed(shell, walk, tmp_path, **changes))
+    assert named in shell.refuses(*command(walk[0], tmp_path, MAP | changes))
 
 
 def test_a_cell_without_a_number_is_refused_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
     path.write_text("t,a\n0.0,1.0\n0.1,\n")
-    columns = {**MAP, "gyro": ["a"] * 3, "acceleration": ["a"] * 3, "joint_torque": {}}
-    columns["joint_position"] = dict.fromkeys(JOINTS, "a")
+    columns = STANDING | {"gyro": ["a"] * 3, "acceleration": ["a"] * 3}
     with pytest.raises(UserError, match="line 3"):
         read_csv(path, structure(columns, ColumnMap, "map"), ROBOT)
-
-
-STANDING = {"time": "t", "joint_position": dict.fromkeys(JOINTS, "a")}
 
 
 @pytest.mark.parametrize(
@@ -136,10 +128,10 @@ def test_a_table_of_a_spreadsheet_is_read(tmp_path: Path, text: str) -> None:
 
 
 def test_nanoseconds_without_their_unit_are_refused(shell: Shell, tmp_path: Path) -> None:
-    path, chart = tmp_path / "theirs.csv", tmp_path / "map.yaml"
+    path = tmp_path / "theirs.csv"
     path.write_text("t,a\n1700000000000000000,1.0\n1700000000002000000,2.0\n")
-    for unit in (1.0, 1e-3, 1e-6):
-        chart.write_text(yaml.safe_dump({**STANDING, "time_unit_s": unit}))
-        assert "time_unit_s" in shell.refuses("log", "import", path, "--map", chart, "--robot", "go1")
-    chart.write_text(yaml.safe_dump({**STANDING, "time_unit_s": 1e-9}))
-    assert shell("log", "import", path, "--map", chart, "--robot", "go1").status == 0
+    for unit_s in (1.0, 1e-3, 1e-6):
+        chart = STANDING | {"time_unit_s": unit_s}
+        assert "time_unit_s" in shell.refuses(*command(path, tmp_path, chart))
+    without_out = command(path, tmp_path, STANDING | {"time_unit_s": 1e-9})[:-2]
+    assert shell(*without_out).status == 0

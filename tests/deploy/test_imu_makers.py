@@ -3,9 +3,12 @@
 import os
 import time
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from changed_robots import described
+from some_motors import frame
 
 from footfall import Robot, UserError
 from footfall.deploy.bus import BusStatistics
@@ -16,7 +19,7 @@ from footfall.deploy.drivers.serial_imu import Sample, SerialImu, to_frames
 from footfall.deploy.drivers.vectornav import VectorNavImu
 from footfall.deploy.drivers.xbus import XbusImu
 from footfall.deploy.drivers.xsens_can import IDS, XsensCanImu
-from footfall.deploy.frames import Frames
+from footfall.deploy.frames import Frames, joined
 from footfall.deploy.serial_line import SerialLine, WithSerialLine, port_of
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.imu_ends import open_imu_end
@@ -35,16 +38,8 @@ OF_MOVELLA = bytes.fromhex(
 OF_VECTORNAV = bytes.fromhex("FA 01 08 00 93 50 2E 42 83 3E F1 3F 48 B5 04 BB 92 88")
 
 
-def with_imu(robot: Robot, protocol: str, bus: str | None = None) -> Robot:
-    description = replace(robot.description, imu_protocol=protocol, imu_bus=bus or BUS_OF[protocol])
-    return replace(robot, description=description)
-
-
-def can_frames(*frames: tuple[int, str]) -> Frames:
-    contents = [bytes.fromhex(content) for _, content in frames]
-    data = np.frombuffer(b"".join(each.ljust(8, b"\0") for each in contents), np.uint8).reshape(-1, 8)
-    lengths = np.array([len(each) for each in contents])
-    return Frames(np.zeros(len(frames), int), np.array([each for each, _ in frames]), data, lengths)
+def with_imu(robot: Robot, protocol: str, bus: str = "") -> Robot:
+    return described(robot, imu_protocol=protocol, imu_bus=bus or BUS_OF[protocol])
 
 
 class TestDocumented:
@@ -57,10 +52,11 @@ class TestDocumented:
         sample = XbusImu.decode(message + bytes((-sum(message[1:]) % 256,)))
         assert sample is not None
         assert sample.counter == 57285
-        np.testing.assert_allclose(sample.reading.acceleration, [-0.43087, 0.83055, 9.79576], atol=1e-5)
-        np.testing.assert_allclose(sample.reading.gyro, [-0.0051990, 0.0042826, -0.0039428], atol=1e-7)
-        np.testing.assert_allclose(
-            sample.reading.quaternion, [0.99801278, -0.00879299, 0.00492375, -0.06220087], atol=1e-8
+        reading = sample.reading
+        assert reading.acceleration == pytest.approx((-0.43087, 0.83055, 9.79576), abs=1e-5)
+        assert reading.gyro == pytest.approx((-0.0051990, 0.0042826, -0.0039428), abs=1e-7)
+        assert reading.quaternion == pytest.approx(
+            (0.99801278, -0.00879299, 0.00492375, -0.06220087), abs=1e-8
         )
 
     def test_the_checksum_is_that_of_vectornavs_example(self) -> None:
@@ -77,46 +73,40 @@ class TestDocumented:
         sample = VectorNavImu.decode(head + vectornav.checksum(head[1:]).to_bytes(2, "big"))
         assert sample is not None
         assert sample.counter == 5
-        np.testing.assert_allclose(sample.reading.gyro, [0.0, -0.3, 0.0], atol=1e-6)
-        acceleration = [9.81 * np.sin(0.2), 0.0, 9.81 * np.cos(0.2)]
-        np.testing.assert_allclose(sample.reading.acceleration, acceleration, atol=1e-5)
-        turned = [np.cos(half), 0.0, -np.sin(half), 0.0]
-        np.testing.assert_allclose(sample.reading.quaternion, turned, atol=1e-6)
+        reading = sample.reading
+        assert reading.gyro == pytest.approx((0.0, -0.3, 0.0), abs=1e-6)
+        assert reading.acceleration == pytest.approx((9.81 * np.sin(0.2), 0.0, 9.81 * np.cos(0.2)), abs=1e-5)
+        assert reading.quaternion == pytest.approx((np.cos(half), 0.0, -np.sin(half), 0.0), abs=1e-6)
 
     def test_frames_of_an_mti_on_can_are_read_by_the_documents_units(self) -> None:
         imu = XsensCanImu(0)
         turned = (0x006, "1234"), (0x021, "7642 0000 0000 30FC")  # yaw 45 degrees
-        imu.absorb(can_frames(*turned, (0x032, "0033 FF80 0500"), (0x034, "0180 FDC0 09CF")), 7000)
+        rows = *turned, (0x032, "0033 FF80 0500"), (0x034, "0180 FDC0 09CF")
+        imu.absorb(joined([frame(*row) for row in rows]), 7000)
         assert imu.arrived_us == 7000
-        np.testing.assert_allclose(imu.reading.gyro, [51 / 512, -0.25, 2.5])
-        np.testing.assert_allclose(imu.reading.acceleration, [1.5, -2.25, 9.80859375])
-        np.testing.assert_allclose(imu.reading.quaternion, [0.92388, 0.0, 0.0, 0.38268], atol=1e-4)
+        assert imu.reading.gyro == pytest.approx((51 / 512, -0.25, 2.5))
+        assert imu.reading.acceleration == pytest.approx((1.5, -2.25, 9.80859375))
+        assert imu.reading.quaternion == pytest.approx((0.92388, 0.0, 0.0, 0.38268), abs=1e-4)
 
 
 @pytest.mark.parametrize("protocol", BUS_OF)
 class TestEveryMaker:
-    def test_frames_of_the_simulated_imu_are_decoded(self, go1: Robot, protocol: str) -> None:
-        wiring = wiring_of(with_imu(go1, protocol))
-        imu, end = open_imu(wiring), open_imu_end(wiring)
-        imu.absorb(end.encode(TILTED), 5000)
-        for part, sent in zip(imu.reading, TILTED, strict=True):
-            np.testing.assert_allclose(part, sent, atol=2e-3)
-        assert imu.arrived_us == 5000
-
     def test_repeated_samples_age_and_older_samples_are_ignored(self, go1: Robot, protocol: str) -> None:
         wiring = wiring_of(with_imu(go1, protocol))
         imu, end = open_imu(wiring), open_imu_end(wiring)
         first, second = end.encode(TILTED), end.encode(TILTED._replace(gyro=(0.0, 0.0, 0.0)))
-        for at, frames in enumerate((first, second, second, first)):
-            imu.absorb(frames, 1000 * at)
-        assert imu.arrived_us == 1000
+        imu.absorb(first, 5000)
+        for part, sent in zip(imu.reading, TILTED, strict=True):
+            np.testing.assert_allclose(part, sent, atol=2e-3)
+        assert imu.arrived_us == 5000
+        for later, frames in enumerate((second, second, first)):
+            imu.absorb(frames, 6000 + 1000 * later)
+        assert (imu.arrived_us, imu.older) == (6000, 1)  # type: ignore[attr-defined]
         np.testing.assert_allclose(imu.reading.gyro, 0.0)
-        assert imu.older == 1  # type: ignore[attr-defined]
 
     def test_an_imu_is_refused_on_the_wrong_kind_of_bus(self, go1: Robot, protocol: str) -> None:
-        bus = "can0" if BUS_OF[protocol] == PORT else PORT
         with pytest.raises(UserError, match="imu_bus"):
-            open_imu(wiring_of(with_imu(go1, protocol, bus)))
+            open_imu(wiring_of(with_imu(go1, protocol, "can0" if BUS_OF[protocol] == PORT else PORT)))
 
 
 @pytest.mark.parametrize(("driver", "encode"), [(XbusImu, xbus.encode), (VectorNavImu, vectornav.encode)])
@@ -137,19 +127,10 @@ class TestOnASerialLine:
         assert imu.arrived_us == 1000
 
 
-class NoCan:
-    """CAN interfaces on which nothing happens."""
-
-    def __init__(self) -> None:
-        self.sent: list[Frames] = []
-        self.send = lambda frames, now_us: self.sent.append(frames) or 0
-        self.receive, self.fault, self.close = (lambda now_us: []), (lambda: ""), (lambda: None)
-        self.statistics = lambda: [BusStatistics("can0"), BusStatistics("can1")]
-
-
 def test_bytes_of_a_port_reach_the_driver_beside_can() -> None:
     far, near = os.openpty()
-    can = NoCan()
+    can = Mock(**{"send.return_value": 0, "receive.return_value": [], "fault.return_value": ""})
+    can.statistics.return_value = [BusStatistics("can0"), BusStatistics("can1")]
     bus = WithSerialLine(can, SerialLine(f"serial:{os.ttyname(near)}@115200", 1), 1)
     try:
         os.write(far, xbus.encode(Sample(1, TILTED)))
@@ -160,7 +141,7 @@ def test_bytes_of_a_port_reach_the_driver_beside_can() -> None:
         assert imu.arrived_us == 4000
         channels, data = np.array([0, 1, 2]), np.zeros((3, 8), np.uint8)
         bus.send(Frames(channels, np.array(IDS[:3]), data, np.full(3, 8)), 4000)
-        assert can.sent[0].channel.tolist() == [0, 1]
+        assert can.send.call_args.args[0].channel.tolist() == [0, 1]
         assert [each.name[:6] for each in bus.statistics()] == ["can0", "serial", "can1"]
         os.close(far)
         assert bus.receive(5000) == []
@@ -170,14 +151,11 @@ def test_bytes_of_a_port_reach_the_driver_beside_can() -> None:
         os.close(near)
 
 
-def test_a_missing_port_or_a_wrong_name_is_refused() -> None:
+def test_a_missing_port_a_wrong_name_and_motors_on_a_port_are_refused(go1: Robot) -> None:
     with pytest.raises(UserError, match="no_such_port"):
         SerialLine("serial:/dev/no_such_port", 0)
     for name in ("serial:", "serial:/dev/ttyS0@fast"):
         with pytest.raises(UserError, match="serial:"):
             port_of(name)
-
-
-def test_motors_on_a_serial_port_are_refused(go1: Robot) -> None:
     joints = (replace(go1.description.joints[0], bus=PORT), *go1.description.joints[1:])
     assert any(PORT in each for each in inconsistencies(replace(go1.description, joints=joints)))

@@ -10,7 +10,7 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
-from footfall.robots.actuator import JointCommand, limit_torque
+from footfall.robots.actuator import JointCommand, limit_torque, pd_torque
 from footfall.robots.description import Robot
 
 TICK_S = 0.002
@@ -31,15 +31,10 @@ def replies(robot: Robot, position: np.ndarray, velocity: np.ndarray | float = 0
     return open_motor_end(wiring_of(robot)).reply(slice(None), report(values))
 
 
-def command(robot: Robot) -> JointCommand:
-    """The default pose with 20 N m/rad."""
-    one = np.ones(12)
-    return JointCommand(robot.default_pose, 0 * one, 20.0 * one, 0.5 * one, 0 * one)
-
-
-class TestOut:
+class TestCommands:
     def test_targets_continue_after_damping(self, go1: Robot, layer: JointLayer) -> None:
-        requested = command(go1)
+        rest = np.outer([0.0, 20.0, 0.5, 0.0], np.ones(12))
+        requested = JointCommand(go1.default_pose, *rest)
         layer.command(requested)  # whose target is reached at once
         layer.absorb([replies(go1, go1.default_pose + 0.3)], 0)
         layer.damping(3.0)
@@ -48,8 +43,6 @@ class TestOut:
         step = go1.description.target_rate_rad_s * TICK_S
         np.testing.assert_allclose(layer.target, go1.default_pose + 0.3 - step, atol=2e-4)
 
-
-class TestReadingsOfEveryKind:
     def test_each_command_is_reduced_to_its_motors_limit(self, go1: Robot, layer: JointLayer) -> None:
         """Readings and commands all differ; half of the requested torques exceed the motors' limits."""
         position = go1.default_pose + RNG.uniform(-0.02, 0.02, 12)
@@ -64,11 +57,8 @@ class TestReadingsOfEveryKind:
             RNG.uniform(0.5, 2.0, 12),
             np.where(ROWS % 2, 24.0, -1.0) * RNG.uniform(0.9, 1.04, 12),
         )
-        frames = layer.command(requested)
-        sent = JointCommand(*open_motor_end(wiring_of(go1)).requests(frames).values)
-        pd = requested.kp * (requested.position - sensed.joint_position)
-        pd += requested.kd * (requested.velocity - sensed.joint_velocity)
-        torque = pd + requested.torque
+        sent = JointCommand(*open_motor_end(wiring_of(go1)).requests(layer.command(requested)).values)
+        torque = pd_torque(requested, sensed.joint_position, sensed.joint_velocity)
         share = limit_torque(torque, sensed.joint_velocity, go1.motor) / torque
         assert 2 <= (share < 1.0).sum() < 12
         lowered = JointCommand(*requested[:2], *(share * np.array(requested[2:])))
@@ -85,10 +75,25 @@ class TestReadingsOfEveryKind:
         layer.begin_at(start)
         start += 5.0  # the layer has a copy
         start -= 5.0
-        zero = np.zeros(12)
         away = np.where(ROWS % 3, 0.2, -0.3)
         away[5] = 0.05
         for tick in (1, 2):
-            layer.command(JointCommand(start + away, zero, zero, zero, zero))
+            layer.command(JointCommand(start + away, *np.zeros((4, 12))))
             moved = np.clip(away, -0.12 * tick, 0.12 * tick)
             np.testing.assert_allclose(layer.target - start, moved, atol=1e-12)
+
+    def test_a_scale_lowers_gains_and_torque_but_not_damping(self, go1: Robot) -> None:
+        """Joints rest at zero. Gains are halved; torques are at most half the peak of 23.7 and 35.55 N m."""
+        driver, imu = open_driver(wiring_of(go1)), open_imu(wiring_of(go1))
+        full, half = (JointLayer(go1, driver, imu, 1.0, scale) for scale in (1.0, 0.5))
+        command = np.zeros((5, 12))
+        command[0], command[2], command[4] = 1.0, 1.0, 2.0
+        for layer in (full, half):
+            layer.command(command)
+        # A gait's feed-forward torque is halved, too.
+        np.testing.assert_allclose(half.sent[[2, 4]], 0.5 * full.sent[[2, 4]])
+        command[0], command[2], command[4] = go1.soft_limits[1], 400.0, 0.0
+        half.command(command)
+        assert (np.abs(half.sent[2] * half.sent[0]) <= 0.5 * go1.motor.peak_torque + 1e-9).all()
+        half.damping(3.0)
+        assert (half.sent[3] == 3.0).all()

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +24,7 @@ from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.log import McapLog
 from footfall.deploy.log_file import LogFile, read_log
+from footfall.deploy.log_store import LogStore
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.receiver import MotorHealth
 from footfall.deploy.recover import recover
@@ -31,17 +32,18 @@ from footfall.deploy.replay import replay
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.policies.policy import Sensed
 
-UNHURRIED = DeployConfig(stand_s=0.4, joint_rate_hz=250.0)
+HEALTH = MotorHealth(
+    np.linspace(0.0, 0.0012, 13), np.full(12, 40.0), np.full(12, np.nan), np.zeros(12, np.uint8)
+)
+STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
 
 
 @pytest.fixture(scope="module")
 def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trace]:
     """The log of an orderly run of Sway, and its trace."""
     path = tmp_path_factory.mktemp("log") / "run.mcap"
-    policy = Sway(go1)
-    return path, run_episode(
-        go1, policy, short_episode(duration_s=0.5, seed=7, log=path, policy_spec="runs/mine")
-    )
+    episode = short_episode(duration_s=0.5, seed=7, log=path, policy_spec="runs/mine")
+    return path, run_episode(go1, Sway(go1), episode)
 
 
 @pytest.fixture(scope="module")
@@ -57,66 +59,72 @@ def log_of(robot: Robot, folder: Path, may_wait: bool = True) -> tuple[Path, Mca
     return folder / "a.mcap", log
 
 
-class Decoded(NamedTuple):
-    """One message as the indexed reader of MCAP's own library finds it."""
-
-    topic: str
-    kind: str
-    message: Any
-
-
-def decoded(path: Path, topic: str | None = None) -> list[Decoded]:
+def decoded(path: Path, topic: str | None = None) -> list[tuple[str, str, Any]]:
+    """Topic, type and content of each message, as the indexed reader of MCAP's own library finds them."""
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        topics = None if topic is None else [topic]
-        return [
-            Decoded(channel.topic, schema.name, message)
-            for schema, channel, _, message in reader.iter_decoded_messages(topics=topics)
-        ]
+        rows = reader.iter_decoded_messages(topics=None if topic is None else [topic])
+        return [(channel.topic, schema.name, message) for schema, channel, _, message in rows]
+
+
+def axes(value: Any, names: str = "xyz") -> list[float]:
+    return [getattr(value, axis) for axis in names]
 
 
 class TestContent:
     def test_ros_tools_find_every_message_with_its_type(self, logged: tuple[Path, Trace]) -> None:
         path, trace = logged
         messages = decoded(path)
-        found = {m.topic: m.kind for m in messages}
         absent = {"/policy/observation", "/policy/action"}  # Sway has no network
-        absent |= {"/notes", "/orders", "/policy/changes", "/policy/applied"}
         absent |= {"/odom", "/contacts", "/footholds", "/markers"}  # and needs no estimate
-        absent |= {"/foot_forces"}  # go1 has no foot sensors
-        absent |= {"/battery_state", "/loop_timing", "/from_can_bus", "/to_can_bus"}
-        absent |= {"/from_can_bus_fd", "/to_can_bus_fd"}
-        assert found == {topic: how.kind for topic, how in TOPICS.items() if topic not in absent}
-        counts = Counter(m.topic for m in messages)
+        absent |= {"/foot_forces", "/battery_state"}  # go1 has neither
+        absent |= {"/notes", "/orders", "/policy/changes", "/policy/applied", "/loop_timing"}
+        absent |= {f"/{way}_can_bus{fd}" for way in ("from", "to") for fd in ("", "_fd")}
+        expected = {topic: how.kind for topic, how in TOPICS.items() if topic not in absent}
+        assert {topic: kind for topic, kind, _ in messages} == expected
+        counts = Counter(topic for topic, *_ in messages)
         assert counts["/policy/inputs"] == counts["/policy/command"] == len(trace.compute_ms) == 26
         ticks = int(trace.timing["ticks"]) + 1  # the last one switches the motors off, and is not timed
         assert counts["/joint_states"] == counts["/imu/data"] == ticks == round(500 * trace.run_s) + 1
-        states = [m.message.data for m in messages if m.topic == "/state"]
+        states = [message.data for topic, _, message in messages if topic == "/state"]
         assert states == ["STANDING", "WALKING", "RELEASING", "IDLE"]
 
-    def test_each_reading_is_in_its_field(self, go1: Robot, tmp_path: Path) -> None:
-        """Orientation comes as w x y z and is written by name."""
-        position, velocity, torque = (100.0 * k + np.arange(12.0) for k in range(3))
+    def test_each_reading_and_each_estimate_is_in_its_field(self, go1: Robot, tmp_path: Path) -> None:
+        """Rows of covariances: x, y, z, and the turns about them. The estimator gives yaw alone."""
+        joints = np.array([100.0 * k + np.arange(12.0) for k in range(3)])
         commanded = 1000.0 * np.arange(1, 6)[:, None] + np.arange(12.0)
         gyro, acceleration = np.array([[1.0, 2, 3], [4.0, 5, 6]])
         quaternion = np.array([0.1, 0.2, 0.3, 0.4])
+        position, velocity, rate = np.arange(1.0, 10.0).reshape(3, 3)
+        contact, covariance = np.array([0.0, 0.5, 1.0, 0.25]), np.arange(49.0).reshape(7, 7)
+        odometry = Odometry(position, quaternion, 0.0, velocity, rate, 0.3, contact, covariance)
         path, log = log_of(go1, tmp_path)
-        log.tick(0, Sensed(gyro, acceleration, quaternion, position, velocity, torque), HEALTH, commanded)
+        log.tick(0, Sensed(gyro, acceleration, quaternion, *joints), HEALTH, commanded)
+        log.odometry(20_000, odometry, np.arange(12.0).reshape(4, 3))
         assert log.close() == ""
-        written = {each.topic: each.message for each in decoded(path)}
-        joints, inertial = written["/joint_states"], written["/imu/data"]
-        assert list(joints.position) == position.tolist()
-        assert list(joints.velocity) == velocity.tolist()
-        assert list(joints.effort) == torque.tolist()
-        command = written["/joint_commands"]
+        written = {topic: message for topic, _, message in decoded(path)}
+        states, command, inertial = (
+            written[f"/{it}"] for it in ("joint_states", "joint_commands", "imu/data")
+        )
+        assert [states.position, states.velocity, states.effort] == joints.tolist()
+        assert [command.position, command.velocity, command.effort] == commanded[[0, 1, 4]].tolist()
         assert list(command.name) == list(go1.joint_names)
-        assert list(command.position) == commanded[0].tolist()
-        assert list(command.velocity) == commanded[1].tolist()
-        assert list(command.effort) == commanded[4].tolist()
         assert list(written["/joint_gains"].data) == [*commanded[2], *commanded[3]]
-        assert [getattr(inertial.orientation, axis) for axis in "wxyz"] == quaternion.tolist()
-        assert [getattr(inertial.angular_velocity, axis) for axis in "xyz"] == gyro.tolist()
-        assert [getattr(inertial.linear_acceleration, axis) for axis in "xyz"] == acceleration.tolist()
+        assert axes(inertial.orientation, "wxyz") == quaternion.tolist()
+        assert axes(inertial.angular_velocity) == gyro.tolist()
+        assert axes(inertial.linear_acceleration) == acceleration.tolist()
+        found = written["/odom"]
+        header, pose, twist = found.header, found.pose.pose, found.twist.twist
+        assert (header.stamp.nanosec, header.frame_id) == (20_000_000, "odom")
+        assert found.child_frame_id == "base_link"
+        assert (axes(pose.position), axes(pose.orientation, "wxyz")) == ([1, 2, 3], quaternion.tolist())
+        assert (axes(twist.linear), axes(twist.angular)) == ([4, 5, 6], [7, 8, 9])
+        spread, scatter = (np.reshape(each.covariance, (6, 6)) for each in (found.pose, found.twist))
+        assert spread[[1, 5]].tolist() == [[7, 8, 9, 0, 0, 10], [21, 22, 23, 0, 0, 24]]
+        assert scatter[1].tolist() == [39, 40, 41, 0, 0, 0]
+        assert not scatter[3:].any()
+        assert list(written["/contacts"].data) == contact.tolist()
+        assert list(written["/footholds"].data) == list(range(12))
 
     def test_ages_come_each_tick_and_motor_health_by_change(self, go1: Robot, tmp_path: Path) -> None:
         path, log = log_of(go1, tmp_path)
@@ -126,54 +134,19 @@ class TestContent:
             log.tick(2000 * tick, STILL, health._replace(age_s=health.age_s + tick), None)
         assert log.close() == ""
         found = read_log(path).entries
-        ages = [entry.message.data for entry in found if entry.topic == "/reading_ages"]
-        assert [list(each) for each in ages] == [(HEALTH.age_s + tick).tolist() for tick in range(6)]
+        ages = [list(entry.message.data) for entry in found if entry.topic == "/reading_ages"]
+        assert ages == [(HEALTH.age_s + tick).tolist() for tick in range(6)]
         health = {e.time_ns: np.reshape(e.message.data, (3, 12)) for e in found if e.topic == "/motor_health"}
         assert list(health) == [0, 4_000_000, 6_000_000, 10_000_000]
         np.testing.assert_array_equal(health[0], np.outer([40.0, np.nan, 0.0], np.ones(12)))
         np.testing.assert_array_equal(health[6_000_000], [hot.temperature_c, hot.voltage, faulty.error])
 
-    def test_each_estimate_is_in_its_field(self, go1: Robot, tmp_path: Path) -> None:
-        """ROS counts x, y, z and the turns about them; yaw is the last, and the velocity is in `base`."""
-        found = Odometry(
-            position=np.array([1.0, 2, 3]),
-            orientation=np.array([0.1, 0.2, 0.3, 0.4]),
-            yaw=0.0,
-            velocity=np.array([4.0, 5, 6]),
-            angular_velocity=np.array([7.0, 8, 9]),
-            height=0.3,
-            contact=np.array([0.0, 0.5, 1.0, 0.25]),
-            covariance=np.arange(49.0).reshape(7, 7),
-        )
-        path, log = log_of(go1, tmp_path)
-        log.odometry(20_000, found, np.arange(12.0).reshape(4, 3))
-        assert log.close() == ""
-        written = {each.topic: each.message for each in decoded(path)}
-        odometry = written["/odom"]
-        assert (odometry.header.stamp.nanosec, odometry.header.frame_id) == (20_000_000, "odom")
-        assert odometry.child_frame_id == "base_link"
-        pose, twist = odometry.pose.pose, odometry.twist.twist
-        assert [getattr(pose.position, axis) for axis in "xyz"] == [1, 2, 3]
-        assert [getattr(pose.orientation, axis) for axis in "wxyz"] == [0.1, 0.2, 0.3, 0.4]
-        assert [getattr(twist.linear, axis) for axis in "xyz"] == [4, 5, 6]
-        assert [getattr(twist.angular, axis) for axis in "xyz"] == [7, 8, 9]
-        spread = np.reshape(odometry.pose.covariance, (6, 6))
-        assert spread[1].tolist() == [7, 8, 9, 0, 0, 10]
-        assert spread[5].tolist() == [21, 22, 23, 0, 0, 24]
-        scatter = np.reshape(odometry.twist.covariance, (6, 6))
-        assert scatter[1].tolist() == [39, 40, 41, 0, 0, 0]
-        assert not scatter[3:].any()
-        assert list(written["/contacts"].data) == found.contact.tolist()
-        assert list(written["/footholds"].data) == list(range(12))
-
     def test_metadata_names_policy_robot_seed_and_bus(self, go1: Robot, whole: LogFile) -> None:
-        log = whole  # of the orderly run
-        assert log.complete
-        assert (log.metadata["policy"], log.metadata["policy_spec"]) == ("sway", "runs/mine")
-        assert log.metadata["robot_digest"] == go1.digest
-        assert log.metadata["seed"] == 7
-        assert (log.metadata["bus"], log.metadata["engine"], log.metadata["plant"]) == ("sim", "mujoco", None)
-        assert log.metadata["joints"] == list(go1.joint_names)
+        """Of the orderly run."""
+        expected = {"policy": "sway", "policy_spec": "runs/mine", "robot_digest": go1.digest, "seed": 7}
+        expected |= {"bus": "sim", "engine": "mujoco", "plant": None, "joints": list(go1.joint_names)}
+        assert whole.complete
+        assert {name: whole.metadata[name] for name in expected} == expected
 
     def test_logging_does_not_change_the_run(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
         again = run_episode(go1, Sway(go1), short_episode(duration_s=0.5, seed=7))
@@ -245,12 +218,6 @@ def test_bad_paths_and_contents_are_refused(go1: Robot, tmp_path: Path) -> None:
             replay(path, policy)
 
 
-HEALTH = MotorHealth(
-    np.linspace(0.0, 0.0012, 13), np.full(12, 40.0), np.full(12, np.nan), np.zeros(12, np.uint8)
-)
-STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
-
-
 def test_a_full_disk_does_not_end_the_run(go1: Robot, capfd: pytest.CaptureFixture[str]) -> None:
     noted_at_us: list[int] = []
 
@@ -258,11 +225,10 @@ def test_a_full_disk_does_not_end_the_run(go1: Robot, capfd: pytest.CaptureFixtu
         if not noted_at_us and "No space left" in capfd.readouterr().err:
             noted_at_us.append(loop.now_us)
 
-    trace = run_episode(go1, Hold(go1), short_episode(log=Path("/dev/full"), config=UNHURRIED), listen)
-    assert trace.final_state == "IDLE"
-    assert trace.walked_s == pytest.approx(1.0, abs=0.01)
+    unhurried = DeployConfig(stand_s=0.4, joint_rate_hz=250.0)
+    trace = run_episode(go1, Hold(go1), short_episode(log=Path("/dev/full"), config=unhurried), listen)
+    assert (trace.final_state, trace.walked_s) == ("IDLE", pytest.approx(1.0, abs=0.01))
     assert ["/dev/full" in note for note in trace.notes] == [True]
-    assert noted_at_us
     assert noted_at_us[0] < 1_000_000
 
 
@@ -272,9 +238,6 @@ def test_a_hung_writer_is_abandoned(go1: Robot, tmp_path: Path, monkeypatch: pyt
     os.kill(log._process.pid, signal.SIGSTOP)
     log.tick(0, STILL, HEALTH, None)
     assert "a.mcap" in log.close()
-
-
-Mutation = Callable[[bytes, np.random.Generator], bytes]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5], ids=["the first, which has all definitions", "another"])
@@ -297,14 +260,33 @@ def test_a_damaged_chunk(logged: tuple[Path, Trace], whole: LogFile, tmp_path: P
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("mutation", [mutated, mutated_records])
 def test_no_mutation_gives_a_traceback(
-    go1: Robot, logged: tuple[Path, Trace], tmp_path: Path, mutation: Mutation, seed: int
+    go1: Robot, logged: tuple[Path, Trace], tmp_path: Path, mutation: Callable[..., bytes], seed: int
 ) -> None:
     hurt = tmp_path / "hurt.mcap"
     hurt.write_bytes(mutation(logged[0].read_bytes(), np.random.default_rng(seed)))
-    for work in (
-        lambda: read_log(hurt),
-        lambda: replay(hurt, Sway(go1)),
-        lambda: recover(hurt, tmp_path / "whole.mcap"),
-    ):
+    for work, *arguments in ((read_log,), (replay, Sway(go1)), (recover, tmp_path / "whole.mcap")):
         with suppress(UserError):
-            work()
+            work(hurt, *arguments)
+
+
+def old_log(folder: Path, name: str, size: int, age: int) -> Path:
+    path = folder / name
+    path.write_bytes(bytes(size))
+    os.utime(path, (1e9 - age, 1e9 - age))
+    return path
+
+
+def test_oldest_automatic_logs_make_room_and_nothing_else_does(tmp_path: Path) -> None:
+    mine = old_log(tmp_path, "walk.mcap", 5000, age=99)
+    link = tmp_path / "go1-20200101-000000-1.mcap"
+    link.symlink_to(mine)
+    oldest, older, new = (
+        old_log(tmp_path, f"go1-2026010{day}-120000-{7 * day}.mcap", 400, age=9 - day) for day in (1, 2, 3)
+    )
+    path = LogStore(tmp_path, 1000).new_log("go1")
+    assert path.parent == tmp_path
+    assert not path.exists()
+    assert [each.exists() for each in (mine, link, oldest, older, new)] == [True, True, False, True, True]
+    (tmp_path / "file").touch()
+    with pytest.raises(UserError, match="--log FILE"):
+        LogStore(tmp_path / "file" / "logs", 1000).new_log("go1")

@@ -1,46 +1,82 @@
-"""The control loop tick by tick: sent and received frames, their times, and the log."""
+"""The control loop tick by tick: sent and received frames, their times, the base's estimate, and the log."""
 
 import math
+from itertools import count
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from deploy_policies import Hold
-from fake_estimator import FakeEstimator
+from deploy_policies import Hold, short_episode
 from frame_robot import ROWS, TICK_US, Notebook
-from loops import loop_of, until, walk_for
+from loops import loop_of, simulated_loop, until, walk_for
 
+from footfall import Robot, run_episode
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.joint_layer import JointLayer
+from footfall.deploy.last_resort import DISABLE_TIMEOUT_US
+from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.orders import Order, OrderKind
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.sensor_checks.table import SensorLimits
 from footfall.operate.inbox import Inbox
 from footfall.plant.motor_ends.motor_end import Request
-from footfall.robots.description import Robot
+
+
+def fake_estimator() -> Mock:
+    """A base estimator that records its calls. The forward velocity, m/s, is the number of updates."""
+    estimator = Mock(notes=())
+    estimator.update.side_effect = ((np.array([updates, 0.0, 0.0]), 0.25) for updates in count(1))
+    estimator.pose.return_value = 0.0, 0.0, 0.0
+    estimator.odometry.return_value = None
+    return estimator
+
+
+def ticks(loop: ControlLoop, number: int) -> None:
+    for _ in range(number):
+        loop.tick()
 
 
 def test_a_policy_sees_the_readings_of_the_frames(go1: Robot) -> None:
     policy = Hold(go1)
     names = ("rotation_rad", "drift_rad", "wander_rad", "creep_rad", "stuck_rad")
     unmoved = SensorLimits(**dict.fromkeys(names, 3.0), lateral_error=2.0, unexplained=10.0)  # readings jump
-    source = lambda t: np.array([t, 2 * t, 3 * t])  # noqa: E731
-    loop, body = loop_of(go1, policy, command_source=source, safety=SafetyConfig(sensors=unmoved))
+    safety = SafetyConfig(sensors=unmoved)
+    loop, body = loop_of(go1, policy, command_source=lambda t: np.array([t, 2 * t, 3 * t]), safety=safety)
     until(loop, Mode.WALKING)
     body.readings = np.array([go1.default_pose + 0.01 * ROWS, 0.1 * ROWS, -0.2 * ROWS])
     body.gyro, body.quaternion = (0.1, 0.2, -0.3), (0.96, 0.0, 0.28, 0.0)
-    for _ in range(10):
-        loop.tick()
+    ticks(loop, 10)
     seen = policy.seen[-1]
     assert loop.state.faults == ()
-    np.testing.assert_allclose(seen.sensed.joint_position, body.readings[0], atol=3e-4)
-    np.testing.assert_allclose(seen.sensed.joint_velocity, body.readings[1], atol=0.02)
-    np.testing.assert_allclose(seen.sensed.joint_torque, body.readings[2], atol=0.02)
+    joints = np.array([seen.sensed.joint_position, seen.sensed.joint_velocity, seen.sensed.joint_torque])
+    np.testing.assert_allclose(joints, body.readings, atol=0.02)
+    np.testing.assert_allclose(joints[0], body.readings[0], atol=3e-4)
     np.testing.assert_allclose(seen.sensed.gyro, body.gyro, atol=1e-3)
     np.testing.assert_allclose(seen.sensed.quaternion, body.quaternion, atol=1e-4)
     np.testing.assert_allclose(seen.sensed.acceleration, [0.0, 0.0, 9.8], atol=0.005)
-    np.testing.assert_allclose(seen.command, [0.02, 0.04, 0.06])
-    np.testing.assert_allclose(loop.requested_command, [0.02, 0.04, 0.06])
+    np.testing.assert_allclose([seen.command, loop.requested_command], [[0.02, 0.04, 0.06]] * 2)
+
+
+def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robot) -> None:
+    """The pose is set to zero where the policy takes over, after 0.1 s of standing."""
+    plan = np.array([1.0, 0.0, 0.0, 1.0])
+    policy, estimator = Hold(go1), fake_estimator()
+    # Before its reset a policy has the plan of the last episode.
+    policy.stance = lambda: plan if policy.resets else 0.0 * plan  # type: ignore[assignment,method-assign]
+    loop = simulated_loop(go1, policy, estimator=estimator, estimator_rate_hz=30.0)
+    until(loop, Mode.WALKING)
+    walk_for(loop, 0.1)
+    _, stances, steps_s = zip(*(call.args for call in estimator.update.mock_calls), strict=True)
+    calls = [name for name, *_ in estimator.mock_calls if name in ("reset", "start", "update")]
+    assert calls == ["reset", "update", "update", "start", *["update"] * (len(stances) - 2)]
+    assert stances[:3] == (None,) * 3
+    assert all(stance is plan for stance in stances[3:])
+    np.testing.assert_allclose(steps_s[:2], 0.034, atol=1e-9)  # 1/30 s, at the next tick
+    np.testing.assert_allclose(steps_s[3:], 0.02, atol=1e-9)
+    assert [seen.base_velocity[0] for seen in policy.seen] == [3, 4, 5, 6, 7, 8]  # one at each policy step
+    assert policy.seen[-1].base_height == 0.25
 
 
 class TestFaults:
@@ -64,11 +100,10 @@ class TestFaults:
         loop, body = loop_of(go1, Hold(go1))
         until(loop, before)
         loop.tick()
-        for name, value in change.items():
-            setattr(body, name, value)
+        vars(body).update(change)
         until(loop, mode, max_ticks=40)
-        assert len(loop.state.faults) == 1
-        assert loop.state.faults[0].startswith(fault)
+        (found,) = loop.state.faults
+        assert found.startswith(fault)
         assert not body.command().kp.any()
 
     @pytest.mark.parametrize("part", ["receive", "stance", "command", "log", "frames", "send"])
@@ -90,36 +125,38 @@ class TestFaults:
         policy.stance = failing("stance", policy.stance)  # type: ignore[method-assign]
         for name in ("tick", "state", "policy_step", "note"):
             setattr(log, name, failing("log", getattr(log, name)))
-        log.odometry = lambda *_: None  # type: ignore[attr-defined]
         for name in ("command", "damping"):
             monkeypatch.setattr(JointLayer, name, failing("frames", getattr(JointLayer, name)))
         source = failing("command", lambda _: np.zeros(3))
-        loop, body = loop_of(go1, policy, command_source=source, log=log, estimator=FakeEstimator())
-        body.receive = failing("receive", body.receive)  # type: ignore[method-assign]
-        body.send = failing("send", body.send)  # type: ignore[method-assign]
+        loop, body = loop_of(go1, policy, command_source=source, log=log, estimator=fake_estimator())
+        for name in ("receive", "send"):
+            setattr(body, name, failing(name, getattr(body, name)))
         until(loop, Mode.WALKING)
-        for _ in range(5):
-            loop.tick()
+        ticks(loop, 5)
         broken.append(part)
         if part == "send":
             loop.tick()
             broken.clear()
-        begun_us, ticks = loop.now_us, 0
+        begun_us = loop.now_us
         while loop.tick():
-            ticks += 1
-            assert loop.state.mode is Mode.ESTOP or ticks <= 10
             if loop.state.mode is Mode.ESTOP:
-                damped = body.command()
-                assert not damped.kp.any()
-                np.testing.assert_allclose(damped.kd, 3.0, atol=0.01)
-        assert len(loop.state.faults) == 1
-        assert "KeyError: 'no such" in loop.state.faults[0]
-        assert "\n" not in loop.state.faults[0]
+                assert not body.command().kp.any()
+                np.testing.assert_allclose(body.command().kd, 3.0, atol=0.01)
+            else:
+                assert loop.now_us <= begun_us + 10 * TICK_US
+        (fault,) = loop.state.faults
+        assert "KeyError: 'no such" in fault
+        assert "\n" not in fault
         assert body.kinds() == [Request.DISABLE] * 12
         assert 0.49 < (loop.now_us - begun_us) * 1e-6 < 0.53
         assert loop.walked_s > 0.0
         if part != "log":
             assert log.of("state")[-1][1].faults == loop.state.faults
+
+    def test_a_bus_too_small_for_its_motors_overflows_into_an_emergency_stop(self, go1: Robot) -> None:
+        trace = run_episode(go1, Hold(go1), short_episode(config=DeployConfig(host_queue=2)))
+        assert trace.final_state == "ESTOP"
+        assert "bus overflow" in trace.faults[0]
 
     @pytest.mark.parametrize("failed", [False, True])
     def test_a_run_that_a_guard_ended_has_its_fault_and_time(self, go1: Robot, failed: bool) -> None:
@@ -142,22 +179,51 @@ class TestFaults:
         assert "guard" in loop.state.faults[-1]
         assert log.of("state")[-1] == (loop.now_us, loop.state)
 
+    @pytest.mark.parametrize("part", ["silent", "on"])
+    def test_motors_that_do_not_confirm_disable_are_named_after_a_quarter_of_a_second(
+        self, go1: Robot, part: str
+    ) -> None:
+        """One motor never replies, or replies and stays enabled: it reports a torque."""
+        loop, body = loop_of(go1, Hold(go1))
+        until(loop, Mode.WALKING)
+        if part == "silent":
+            body.silent = [7]
+        else:
+            body.readings[2, 7] = 2.0
+        sent = len(body.sent)
+        loop.shut_down()
+        times_us = [at_us - loop.now_us for at_us, _ in body.sent[sent:]]
+        assert times_us == list(range(TICK_US, DISABLE_TIMEOUT_US + 2 * TICK_US, TICK_US))
+        assert body.kinds() == [Request.DISABLE] * 12
+        named = {"silent": loop.last_resort.silent_at_the_end, "on": loop.last_resort.on_at_the_end}
+        assert named == {"silent": [], "on": []} | {part: ["RR_thigh_joint (can2, id 2)"]}
 
-class TestLog:
+
+class TestRecord:
+    def test_an_orderly_run_ends_idle_and_is_recorded_at_the_record_rate(self, go1: Robot) -> None:
+        """The policy gets the ground truth instead of an estimate."""
+        trace = run_episode(go1, Hold(go1), short_episode(ground_truth=True))
+        assert (trace.final_state, trace.faults, trace.fell, trace.fall_reason) == ("IDLE", (), False, "")
+        np.testing.assert_allclose(trace.time_s, np.arange(101) / 100, atol=1e-9)
+        assert len(trace.compute_ms) == 51
+        np.testing.assert_allclose(trace.estimated_velocity, trace.base_velocity, atol=1e-9)
+        assert trace.estimated_height[-1] == pytest.approx(trace.base_position[-1, 2], abs=0.03)
+
     def test_each_tick_step_and_change_is_logged(self, go1: Robot) -> None:
+        def source(time_s: float) -> np.ndarray:
+            return np.array([math.nan if time_s > 0.03 else 0.5, 0.0, 0.0])
+
         policy, log = Hold(go1), Notebook()
-        source = lambda t: np.array([math.nan if t > 0.03 else 0.5, 0.0, 0.0])  # noqa: E731
         loop, body = loop_of(go1, policy, command_source=source, log=log)
         until(loop, Mode.WALKING)
-        for _ in range(30):
-            loop.tick()
-        assert [time_us for time_us, *_ in log.of("tick")] == list(range(0, 162_000, TICK_US))
-        assert log.of("tick")[-1][1] is loop.sensed
-        assert log.of("tick")[0][2] is not None
-        sent = log.of("tick")[-1][2]
-        np.testing.assert_array_equal(sent[0], loop.target)
-        np.testing.assert_allclose(body.command().kp, sent[2], atol=0.2)  # a frame's rounding
-        np.testing.assert_allclose(body.command().kd, sent[3], atol=0.01)
+        ticks(loop, 30)
+        first, *_, last = logged = log.of("tick")
+        assert [time_us for time_us, *_ in logged] == list(range(0, 162_000, TICK_US))
+        assert last[1] is loop.sensed
+        assert first[2] is not None
+        np.testing.assert_array_equal(last[2][0], loop.target)
+        np.testing.assert_allclose(body.command().kp, last[2][2], atol=0.2)  # a frame's rounding
+        np.testing.assert_allclose(body.command().kd, last[2][3], atol=0.01)
         states = [(time_us, state.mode) for time_us, state in log.of("state")]
         assert states == [(0, Mode.STANDING), (100_000, Mode.WALKING)]
         steps = log.of("policy_step")
