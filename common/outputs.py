@@ -11,8 +11,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from footfall.common.errors import UserError
 from footfall.common.files import is_named_pipe, write_atomically
 
@@ -100,7 +98,7 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # of NumPy, which this module does not import: every verb imports it
         return _plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None

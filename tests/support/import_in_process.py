@@ -1,6 +1,7 @@
 """Import modules in a fresh interpreter."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -24,15 +25,27 @@ print(json.dumps([time.process_time() - began, sorted(sys.modules)]))
 """
 
 
-def import_in_process(names: list[str], blocked: tuple[str, ...] = ()) -> tuple[float, list[str]]:
+def import_in_process(
+    names: list[str], blocked: tuple[str, ...] = (), bytecode: Path | None = None
+) -> tuple[float, list[str]]:
     """Import modules in a fresh interpreter in which some packages cannot be imported.
+
+    Args:
+        names: the modules.
+        blocked: packages that cannot be imported.
+        bytecode: folder for compiled modules, instead of those beside the sources.
 
     Returns:
         CPU seconds that it took, and the names of all modules that are loaded then.
     """
+    environment = dict(os.environ)
+    if bytecode is not None:
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)
+        environment["PYTHONPYCACHEPREFIX"] = str(bytecode)
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT.format(blocked=blocked, names=names)],
         cwd=ROOT,
+        env=environment,
         capture_output=True,
         text=True,
         check=False,

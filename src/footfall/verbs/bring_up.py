@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
@@ -89,6 +88,8 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
 
 
 def _setting(policy: str, options: BringUpOptions) -> "Setting":
+    import numpy as np
+
     from footfall.common.config import load
     from footfall.deploy.bring_up.config import BringUpConfig
     from footfall.deploy.bring_up.steps import Setting

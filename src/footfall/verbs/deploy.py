@@ -7,8 +7,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import numpy as np
-
 from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
 from footfall.common.files import release, spare_descriptors
@@ -19,6 +17,8 @@ from footfall.robot_bus import virtual_robot
 from footfall.run_pages import NO_PAGES, RunPageOptions, inbox_of, run_pages
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from footfall.deploy.config import DeployConfig
     from footfall.deploy.height_scan import HeightScanSource
     from footfall.deploy.loop import ControlLoop
@@ -98,7 +98,7 @@ def _simulated(run: Run) -> dict[str, Any]:
     if steering.odometry and options.ground_truth:
         raise UserError("--ground-truth replaces the odometry that --from and the pages need: leave it out")
 
-    def display(loop: "ControlLoop", velocity: Callable[[], np.ndarray]) -> AbstractContextManager[None]:
+    def display(loop: "ControlLoop", velocity: "Callable[[], np.ndarray]") -> AbstractContextManager[None]:
         return _display(loop, velocity, (), steering)
 
     episode = Episode(
@@ -215,7 +215,7 @@ def _simulation_only(options: DeployOptions) -> str:
 
 
 def _display(
-    loop: "ControlLoop", velocity: Callable[[], np.ndarray], lines: Sequence[str], steering: "Steered"
+    loop: "ControlLoop", velocity: "Callable[[], np.ndarray]", lines: Sequence[str], steering: "Steered"
 ) -> AbstractContextManager[None]:
     """Print the lines for the operator, after the buses are open and before anything moves; then show the
     state."""

@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from cyclopts import Parameter
 
 from footfall.common.constants import GRAVITY_M_S2
@@ -19,6 +18,8 @@ from footfall.robots.default import DEFAULT_ROBOT
 from footfall.stand_bus import ON_STAND, SAFE, open_bus
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from footfall.deploy.bus import Bus
     from footfall.identify.foot_test import FootTestConfig, Measurement
 
@@ -136,7 +137,7 @@ def _figures(measured: "Measurement") -> dict[str, Any]:
         "offset_m": measured.offset.tolist(),
         "commanded_force_n": measured.hold.force_n,
         "force_n": measured.force_n,
-        "scale_n": measured.scale_n if np.isfinite(measured.scale_n) else None,
+        "scale_n": measured.scale_n if math.isfinite(measured.scale_n) else None,
     }
 
 
@@ -144,8 +145,9 @@ def _show(measured: "Sequence[Measurement]", press: bool) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    def vector(metres: np.ndarray) -> str:
-        return " ".join(f"{each:+.1f}" for each in np.round(1e3 * metres, 1) + 0.0)
+    def vector(metres: "np.ndarray") -> str:
+        rounded = (round(1e3 * each, 1) + 0.0 for each in metres.tolist())  # + 0.0 shows -0.0 as +0.0
+        return " ".join(f"{each:+.1f}" for each in rounded)
 
     if press:
         table = Table("commanded, N", "by the motors, N", "on the scale, N", box=None)
