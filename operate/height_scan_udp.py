@@ -34,7 +34,8 @@ class UdpScans:
     def __init__(self, token: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._token, self._clock = token, clock
         self._newest: TimedScan | None = None
-        self._last_numbers: dict[str, int] = {}  # number of each sender's latest datagram
+        # Number of each sender's latest datagram, the sender that has been silent longest first.
+        self._last_numbers: dict[str, int] = {}
 
     def receive(self, datagram: bytes) -> str:
         """Read a datagram; returns why it is refused, or an empty string."""
@@ -46,16 +47,21 @@ class UdpScans:
             return "sender and number are missing"
         if number <= self._last_numbers.get(sender, -1):
             return "an old datagram"
-        if sender not in self._last_numbers and len(self._last_numbers) >= MAX_SENDERS:
-            return "too many senders"
         if isinstance(age_s, bool) or not isinstance(age_s, int | float) or not 0.0 <= age_s <= MAX_AGE_S:
             return f"age_s is not a number from 0 to {MAX_AGE_S:g}"
         heights = _heights(content.get("heights"))
         if heights is None:
             return "heights is not a list of numbers, with null for unknown ones"
-        self._last_numbers[sender] = number
+        self._remember(sender, number)
         self._newest = TimedScan(self._clock() - age_s, heights)
         return ""
+
+    def _remember(self, sender: str, number: int) -> None:
+        """Note a sender's latest number. A mapping program that restarts is a new sender each time."""
+        self._last_numbers.pop(sender, None)
+        self._last_numbers[sender] = number
+        if len(self._last_numbers) > MAX_SENDERS:
+            del self._last_numbers[next(iter(self._last_numbers))]
 
     def answer(self, datagram: bytes) -> bytes:
         """Read a datagram; there is no reply."""

@@ -10,6 +10,7 @@ from fake_time import Watch
 
 from footfall.common.errors import UserError
 from footfall.operate.height_scan_udp import UdpScans, scans_by_udp
+from footfall.operate.udp import MAX_SENDERS
 from footfall.operate.udp_client import SCAN, UdpHeightScan, pack
 
 TOKEN = "a token of the tests, shared"
@@ -50,6 +51,18 @@ def test_a_wrong_or_old_scan_is_refused(wrong: dict[str, object]) -> None:
     found = scans.newest(0)
     assert found is not None
     assert len(found.heights) == 3
+
+
+def test_a_mapping_program_may_restart_any_number_of_times() -> None:
+    """A second sender that keeps sending is remembered all the time: its old datagrams stay refused."""
+    scans = UdpScans(TOKEN, Watch())
+    steady = pack(CONTENT | {"sender": "steady", "number": 0}, TOKEN, SCAN)
+    assert scans.receive(steady) == ""
+    for restart in range(2 * MAX_SENDERS):
+        assert scans.receive(pack(CONTENT | {"sender": f"{restart}", "number": 1}, TOKEN, SCAN)) == ""
+        assert scans.receive(pack(CONTENT | {"sender": "steady", "number": restart + 1}, TOKEN, SCAN)) == ""
+    assert scans.receive(steady) != ""
+    assert len(scans._last_numbers) == MAX_SENDERS
 
 
 def test_scans_arrive_over_a_network(monkeypatch: pytest.MonkeyPatch) -> None:
