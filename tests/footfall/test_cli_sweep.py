@@ -19,7 +19,7 @@ def swept(called: Recorder) -> SimpleNamespace:
     """The result of a sweep."""
     settings = {"ppo.clip_param": 0.2, "ppo.epochs": 3}
     trial = Trial(folder="trial-0", settings=settings, seed=4, value=1.23456, steps=12345, error="")
-    point = Point(settings=settings, mean=2.34567, spread=0.5, seeds=3, failed=0)
+    point = Point(settings=settings, mean=2.34567, spread=0.5, seeds=3, failed=0, unfinished=0)
     state = SimpleNamespace(trials=[trial], points=[point], unfinished=0)
     answer = lambda *_: (state.trials, state.points, state.unfinished)  # noqa: E731
     called.replace("footfall.train.sweeps.sweep.sweep", answer)
@@ -28,14 +28,14 @@ def swept(called: Recorder) -> SimpleNamespace:
 
 
 def test_options_and_tables(shell: Shell, called: Recorder, swept: SimpleNamespace) -> None:
-    swept.points.append(swept.points[0]._replace(mean=2.5, spread=math.nan, seeds=1, failed=2))
+    swept.points.append(swept.points[0]._replace(mean=2.5, spread=math.nan, seeds=1, failed=2, unfinished=4))
     outcome = shell("sweep", "space.yaml", "--out", "mine")
     assert outcome.status == 0
     assert called.of("sweep") == ((Path("space.yaml"), Path("mine")), {})
     rows = [line.split() for line in outcome.out.splitlines()]
     assert ["trial-0", "4", "0.2", "3", "1.235", "12,345"] in rows
     assert ["0.2", "3", "2.346", "±", "0.5", "3"] in rows
-    assert ["0.2", "3", "2.5", "unknown", "1", "2"] in rows
+    assert ["0.2", "3", "2.5", "unknown", "1", "2", "4"] in rows
 
 
 def test_a_sweep_is_resumed_in_its_folder(shell: Shell, called: Recorder, swept: SimpleNamespace) -> None:

@@ -240,6 +240,7 @@ def test_an_interrupted_sweep_resumes(tmp_path: Path, shell: Shell, monkeypatch:
     assert (stopped.status, stopped.err.splitlines()[-1]) == (130, "footfall: interrupted")
     assert f"footfall sweep --resume {out}" in stopped.out
     assert {row["error"] for row in rows(out / "results.csv")} == {UNFINISHED}
+    assert {row["failed"] for row in rows(out / "points.csv")} == {"0"}
     with pytest.raises(UserError):
         sweep(file, out)
 
@@ -325,6 +326,7 @@ def test_results_are_ranked_and_written_and_the_rest_is_counted(tmp_path: Path, 
     (first, *_), points = rows(tmp_path / "results.csv"), rows(tmp_path / "points.csv")
     assert first["folder"] == good[0]
     assert [point["ppo.clip_param"] for point in points] == ["0.1", "0.2"]
-    numbers = [float(points[0][name]) for name in ("mean m", "standard deviation", "seeds", "failed")]
-    assert numbers == pytest.approx([3.25, np.std([4.5, 2.0], ddof=1), 2, 0])
-    assert (points[1]["mean m"], points[1]["seeds"], points[1]["failed"]) == ("3.6", "1", "3")
+    columns = ("mean m", "standard deviation", "seeds", "failed", "unfinished")
+    numbers = [float(points[0][name]) for name in columns]
+    assert numbers == pytest.approx([3.25, np.std([4.5, 2.0], ddof=1), 2, 0, 0])
+    assert [points[1][name] for name in ("mean m", "seeds", "failed", "unfinished")] == ["3.6", "1", "2", "1"]

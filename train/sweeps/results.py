@@ -36,6 +36,7 @@ class Point(NamedTuple):
     spread: float  # their standard deviation; NaN for a single trial
     seeds: int  # successful trials
     failed: int
+    unfinished: int  # trials that an interruption ended
 
 
 def last_value(metrics: Path, name: str, iterations: int = LAST_ITERATIONS) -> float:
@@ -52,30 +53,35 @@ def last_value(metrics: Path, name: str, iterations: int = LAST_ITERATIONS) -> f
 
 
 def points_of(trials: Iterable[Trial], mode: Literal["min", "max"]) -> list[Point]:
-    """Trials grouped by settings, the best mean first; points with failures last."""
+    """Trials grouped by settings, the best mean first; points with failed or unfinished trials last."""
     groups: dict[str, list[Trial]] = {}
     for trial in trials:
         groups.setdefault(json.dumps(trial.settings, sort_keys=True), []).append(trial)
     points = [_point(group) for group in groups.values()]
     sign = 1.0 if mode == "min" else -1.0
-    return sorted(points, key=lambda p: (math.isnan(p.mean), p.failed > 0, sign * p.mean))
+    return sorted(points, key=lambda p: (math.isnan(p.mean), p.failed + p.unfinished > 0, sign * p.mean))
 
 
 def _point(trials: Sequence[Trial]) -> Point:
     values = [trial.value for trial in trials if not trial.error and not math.isnan(trial.value)]
+    unfinished = sum(trial.error == UNFINISHED for trial in trials)
     return Point(
         settings=trials[0].settings,
         mean=fmean(values) if values else math.nan,
         spread=stdev(values) if len(values) > 1 else math.nan,
         seeds=len(values),
-        failed=len(trials) - len(values),
+        failed=len(trials) - len(values) - unfinished,
+        unfinished=unfinished,
     )
 
 
 def points_table(points: Iterable[Point], names: Sequence[str], metric: str) -> str:
     """Points as comma-separated values."""
-    rows = ([*(p.settings.get(n) for n in names), p.mean, p.spread, p.seeds, p.failed] for p in points)
-    return _csv([*names, f"mean {metric}", "standard deviation", "seeds", "failed"], rows)
+    rows = (
+        [*(p.settings.get(n) for n in names), p.mean, p.spread, p.seeds, p.failed, p.unfinished]
+        for p in points
+    )
+    return _csv([*names, f"mean {metric}", "standard deviation", "seeds", "failed", "unfinished"], rows)
 
 
 def trials_table(trials: Iterable[Trial], names: Sequence[str], metric: str) -> str:

@@ -67,10 +67,11 @@ def _show_points(points: "list[Point]") -> None:
             "unknown" if math.isnan(p.spread) else f"± {_short(p.spread)}",
             str(p.seeds),
             str(p.failed or ""),
+            str(p.unfinished or ""),
         ]
         for p in points
     ]
-    _show([*names, "mean result", "deviation between seeds", "seeds", "failed"], rows)
+    _show([*names, "mean result", "deviation between seeds", "seeds", "failed", "unfinished"], rows)
 
 
 def _show(header: list[str], rows: list[list[str]]) -> None:
