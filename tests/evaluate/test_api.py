@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from rich.console import Console
-from scenario_file import FILE, OWN, bare
+from scenario_file import FILE
 
 from footfall.common.errors import UserError
 from footfall.evaluate import api
@@ -65,7 +65,7 @@ def test_the_command_for_the_same_figures_is_shown() -> None:
 
     plain = "footfall compare b a --robot go1 --scenarios one --seed 0 --html report.html"
     assert command(EvaluationConfig("go1", ("one",)), "b", "a") == plain
-    config = EvaluationConfig("my robot", ("two", "one"), 7, 5, Path("a b.xml"), True, 3, OWN)
+    config = EvaluationConfig("my robot", ("two", "one"), 7, 5, Path("a b.xml"), True, 3, Path("own.yaml"))
     assert command(config, "runs/it's mine") == (
         "footfall compare 'runs/it'\"'\"'s mine' --robot 'my robot' --scenarios two,one --seed 7"
         " --episodes 5 --scenario-file own.yaml --plant 'a b.xml' --ground-truth --html report.html"
@@ -74,7 +74,9 @@ def test_the_command_for_the_same_figures_is_shown() -> None:
 
 def test_brackets_in_a_name_are_not_markup() -> None:
     printed = io.StringIO()
-    print_results({"[bold]mine": {"scenarios": {"one": bare("x")}}}, Console(file=printed, width=200))
+    falls = {"falls": 4, "fall_rate": 4 / 24, "fall_rate_interval": [0.1, 0.2]}
+    one = {"episodes": 24, "failed_episodes": [], "notes": [], **falls}
+    print_results({"[bold]mine": {"scenarios": {"one": one}}}, Console(file=printed, width=200))
     assert printed.getvalue().count("[bold]mine") == 2  # over its column and in the verdict
 
 

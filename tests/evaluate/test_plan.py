@@ -157,8 +157,7 @@ class TestPlans:
         chosen = spread_levels(levels, 24, np.random.default_rng(1))
         assert [list(each) for each in chosen] == [list(levels)] * 24
         drawn = [tuple(each.values()) for each in chosen]
-        assert len(set(drawn[:12])) == 12
-        assert drawn[12:] == drawn[:12]
+        assert (len(set(drawn[:12])), drawn[12:]) == (12, drawn[:12])
         orders = [[each[1:] for each in drawn[:12] if each[0] == friction] for friction in levels["friction"]]
         assert not orders[0] == orders[1] == orders[2]  # each repetition has its own order
         assert spread_levels({}, 3, np.random.default_rng(0)) == [{}, {}, {}]

@@ -47,9 +47,7 @@ def test_figures_depend_on_the_push_and_not_on_the_number_of_workers() -> None:
     assert alone == together
 
 
-def test_a_comparison_on_a_machine_that_cannot_render(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_comparison_without_rendering(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Results are grouped by policy; the page gives the reason for missing films."""
     monkeypatch.setattr(api, "load_scenarios", lambda *_: SHORT)
     failed = TaskResult(None, "egl: no display")

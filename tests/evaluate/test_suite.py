@@ -1,6 +1,5 @@
 """Tasks, episodes and figures of an evaluation. No episode is run here."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from scenario_file import FILE, OWN_NOISE
 
 from footfall.evaluate import suite
 from footfall.evaluate.config import EvaluationConfig
-from footfall.evaluate.episodes import EpisodeTask
 from footfall.evaluate.plan import EpisodePlan, plan_episodes
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import Scenario
@@ -29,9 +27,7 @@ class TestSuite:
         """Tasks and workers of each call; a task's torque encodes its policy, index and scenario."""
         calls: list[Any] = []
 
-        def run_all(
-            function: Any, tasks: Sequence[EpisodeTask], workers: Any, on_finished: Any = None
-        ) -> list[TaskResult]:
+        def run_all(function: Any, tasks: Any, workers: Any, on_finished: Any = None) -> list[TaskResult]:
             assert function is suite.run_task
             calls.append((list(tasks), workers))
             for finished in range(1, len(tasks) + 1 if on_finished else 0):

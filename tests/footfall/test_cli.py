@@ -77,12 +77,6 @@ def test_sigterm_lets_a_verb_close_its_resources(shell: Shell, monkeypatch: pyte
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_an_unknown_option_differs_from_a_misspelt_option(shell: Shell) -> None:
-    assert "--seed" in shell.refuses("train", "--sed", "3")
-    assert "--episodes" in shell.refuses("evaluate", "stand", "--epsiodes=3")
-    assert "--set KEY=VALUE" in shell.refuses("train", "--terrain", "rough")
-
-
 def test_every_verb_is_listed_and_explains_itself(shell: Shell) -> None:
     listed = shell("--help").out
     verbs = "train sweep watch evaluate export deploy compare replay log demo diagnose doctor"

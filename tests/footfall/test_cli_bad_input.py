@@ -58,19 +58,30 @@ REFUSED = """
     deploy stand --config /dev/zero | /dev/zero
     deploy stand --set | --set
     deploy stand --set stand.kp=-1 | stand@kp=-1 kp
+    deploy stand --bus virtual --start lying | --start
+    deploy stand --bus virtual --ground-truth | --ground-truth
+    deploy stand --bus virtual --plant x.xml | --plant
     deploy go1-falt | go1-flat
     deploy hexapod-flat | --robot hexapod
     deploy rex | rex stand trot mpc .onnx
+    bring-up stand --steps jump | jump hold joints legs wiring stand shift walk uneven
+    bring-up stand --scale 0.009 | --scale
+    bring-up stand --scale 1.01 | --scale
+    bring-up stand --bus virtual | --yes
     evaluate stand --scenarios nominal push | 'push' --scenarios
     evaluate stand --scenarios ballet | ballet nominal
     evaluate stand --scenarios , | scenario
     evaluate stand --scenarios push,push | push
     evaluate stand --set trot.kp=1 | trot.kp=1 stand
+    evaluate stand --epsiodes=3 | --episodes
+    evaluate stand --weakest push --scenarios walk | --scenarios
     evaluate stand@rate_hz=5000 --episodes 1 --workers 1 | 5000 500
     compare | policy
     compare stand stand | stand
     compare stand stand@none.yaml | none.yaml
     compare stand trot --scenarios ballet | ballet nominal
+    train --sed 3 | --seed
+    train --terrain rough | --set KEY=VALUE
     train --steps 0 | --steps
     train --trainer none | 'none' brax rsl_rl
     train --checkpoint-interval none | --checkpoint-interval none

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -41,7 +42,7 @@ def test_the_default_is_all_steps_of_go1_in_simulation(shell: Shell, runs: list[
     assert [(step, bus) for step, _, bus in runs] == [(step.name, "sim") for step in STEPS]
     setting = runs[0][1]
     assert (setting.robot.name, setting.policy.name, setting.realtime) == ("go1", "stand", False)
-    assert (written()["robot"], written()["bus"], written()["scale"]) == ("go1", "sim", 0.5)
+    assert written().items() >= {"robot": "go1", "bus": "sim", "scale": 0.5}.items()
 
 
 def test_robot_policy_bus_and_loop_can_be_chosen(shell: Shell, runs: list[Run]) -> None:
@@ -52,14 +53,15 @@ def test_robot_policy_bus_and_loop_can_be_chosen(shell: Shell, runs: list[Run]) 
     assert (step, bus, setting.realtime) == ("walk", "slcan", True)
     assert (setting.robot.name, setting.policy.name) == ("hexapod", "tripod")
     assert (setting.deploy.stand_s, setting.deploy.scale) == (2.5, 0.7)
-    assert (written()["robot"], written()["bus"], written()["scale"]) == ("hexapod", "slcan", 0.7)
+    assert written().items() >= {"robot": "hexapod", "bus": "slcan", "scale": 0.7}.items()
 
 
-@pytest.mark.parametrize("typed", ["walk,hold,legs", "legs,hold,walk", "hold,walk,hold,legs"])
-def test_steps_run_in_their_own_order(shell: Shell, runs: list[Run], typed: str) -> None:
+def test_steps_run_in_their_own_order(shell: Shell, runs: list[Run]) -> None:
     """The robot does not walk before all other requested steps have passed."""
-    assert shell("bring-up", "stand", "--steps", typed).status == 0
-    assert [step for step, *_ in runs] == ["hold", "legs", "walk"]
+    for typed in ("walk,hold,legs", "legs,hold,walk", "hold,walk,hold,legs"):
+        runs.clear()
+        assert shell("bring-up", "stand", "--steps", typed).status == 0
+        assert [step for step, *_ in runs] == ["hold", "legs", "walk"]
 
 
 def test_no_step_runs_after_a_failed_step(shell: Shell, runs: list[Run]) -> None:
@@ -67,10 +69,9 @@ def test_no_step_runs_after_a_failed_step(shell: Shell, runs: list[Run]) -> None
     steps = [step for step, *_ in runs]
     assert (done.status, steps) == (1, ["hold", "joints", "legs", "wiring", "stand"])
     assert {"the robot is tilted", "a foot hangs"} <= {line.strip(" -") for line in done.out.splitlines()}
-    assert [(each["step"], each["passed"]) for each in written()["steps"]] == [
-        (step, step != "stand") for step in steps
-    ]
-    assert written()["steps"][-1] == {
+    results = written()["steps"]
+    assert [(each["step"], each["passed"]) for each in results] == [(step, step != "stand") for step in steps]
+    assert results[-1] == {
         "step": "stand", "passed": False, "findings": ["the robot is tilted", "a foot hangs"],
         "final_state": "IDLE", "run_s": 2.5, "notes": ["a note"],
     }  # fmt: skip
@@ -83,24 +84,10 @@ def test_a_biped_skips_the_step_that_needs_three_feet(shell: Shell, runs: list[R
 
 
 def test_each_step_is_confirmed(shell: Shell, runs: list[Run], monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
-    answers = iter(["y", "Yes", ""])
+    answered = Mock(side_effect=["y", "Yes", ""])
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("builtins.input", lambda question: asked.append(question) or next(answers))
+    monkeypatch.setattr("builtins.input", answered)
     assert shell("bring-up", "stand", "--bus", "virtual", "--steps", "hold,legs,walk").status == 2
     assert [step for step, *_ in runs] == ["hold", "legs"]
-    hangs = ["air" in question for question in asked]
+    hangs = ["air" in asked.args[0] for asked in answered.call_args_list]
     assert hangs == [True, True, False]
-
-
-@pytest.mark.parametrize(
-    ("options", "named"),
-    [
-        ("--steps jump", "there are hold, joints, legs, wiring, stand, shift, walk, uneven"),
-        ("--scale 0.009", "--scale"),
-        ("--scale 1.01", "--scale"),
-        ("--bus virtual", "--yes"),  # no terminal for the confirmation
-    ],
-)
-def test_an_invalid_option_is_refused(shell: Shell, options: str, named: str) -> None:
-    assert named in shell.refuses("bring-up", "stand", *options.split())

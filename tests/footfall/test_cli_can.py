@@ -6,30 +6,24 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from edited import content_of
 from shell import Shell
 
 from footfall.deploy import bench, scan
+from footfall.deploy.clock import LockstepClock
 from footfall.deploy.drivers import odrive, robstride
 from footfall.deploy.wiring import wiring_of
 from footfall.plant import serve
-from footfall.plant.motors import MotorFaults
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.description import Robot
 
 
-def joints(out: str) -> list[list[str]]:
-    """The rows of a table without its header."""
-    return [line.split() for line in out.splitlines()[1:]]
-
-
 def rows_of(shell: Shell, *tokens: str | Path) -> list[list[str]]:
-    """The rows of a successful call."""
-    outcome = shell("can", *tokens)
+    """The rows of a successful call on a simulated robot, without the header."""
+    outcome = shell("can", *tokens, "--bus", "virtual")
     assert (outcome.status, outcome.err) == (0, ""), outcome
-    return joints(outcome.out)
+    return [line.split() for line in outcome.out.splitlines()[1:]]
 
 
 class Turns:
@@ -37,19 +31,16 @@ class Turns:
 
     def __init__(self) -> None:
         self._asked, self._passed = threading.Semaphore(0), threading.Semaphore(0)
-        self._left_us = 0  # of the requested frames
+        self._left_us = 0  # of the requested time
 
     def ask(self, us: int) -> None:
-        """Wait until the robot's time has advanced by this much."""
+        """Host: wait until the robot's time has advanced by this much."""
         self._left_us = us
         self._asked.release()
         assert self._passed.acquire(timeout=60.0), "the simulated robot does not run"
 
     def live(self, us: int) -> None:
-        """Whether the robot's time has advanced by this much.
-
-        It waits for a request, and is slow without one.
-        """
+        """Robot: wait for a request unless some of its time is left; without one, time is slow."""
         if self._left_us > 0:
             self._left_us -= us
             if self._left_us > 0:
@@ -58,47 +49,30 @@ class Turns:
         self._asked.acquire(timeout=0.02)
 
 
-class TurnsClock:
-    """The clock of the robot or of the host."""
-
-    realtime = True
+class TurnsClock(LockstepClock):
+    """The clock of the robot or of the host: each tick is a turn."""
 
     def __init__(self, turn: Callable[[int], None], period_us: int) -> None:
-        self._turn, self._period_us, self._now_us = turn, period_us, 0
+        super().__init__(period_us)
+        self._begin_turn = partial(turn, period_us)
 
     def next_tick(self) -> int:
-        self._turn(self._period_us)
-        self._now_us += self._period_us
-        return self._now_us
-
-    def lateness_us(self) -> float:
-        return 0.0
+        self._begin_turn()
+        return super().next_tick()
 
 
-Faulty = Callable[[Callable[[MotorFaults], np.ndarray], int], None]
-VICTIM = 11  # RL_calf_joint
+VICTIM, JOINT = 11, "RL_calf_joint"
 
 
-def with_knees(folder: Path, protocol: str) -> Path:
-    """A robot with motors of another kind in its knees."""
-    with content_of(folder / "robot.yaml") as content:
-        content["motors"]["knee"]["protocol"] = protocol
-    return folder
+def inject(monkeypatch: pytest.MonkeyPatch, fault: str, code: int) -> None:
+    """Give a motor of the simulated robot a fault from the start."""
 
+    def robot(*arguments: Any) -> SimulatedRobot:
+        body = SimulatedRobot(*arguments)
+        getattr(body.faults.motors, fault)[VICTIM] = code
+        return body
 
-@pytest.fixture
-def faulty(monkeypatch: pytest.MonkeyPatch) -> Faulty:
-    """Gives a motor of the simulated robot an error from the start."""
-
-    def inject(which: Callable[[MotorFaults], np.ndarray], code: int) -> None:
-        def robot(*arguments: Any) -> SimulatedRobot:
-            body = SimulatedRobot(*arguments)
-            which(body.faults.motors)[VICTIM] = code
-            return body
-
-        monkeypatch.setattr(serve, "SimulatedRobot", robot)
-
-    return inject
+    monkeypatch.setattr(serve, "SimulatedRobot", robot)
 
 
 class TestVirtual:
@@ -113,40 +87,28 @@ class TestVirtual:
         # With wall-clock time stamps, frames would be too old whenever a busy machine delays a thread.
         monkeypatch.setattr(serve, "not_before", lambda frames, time_us: frames)
 
-    def test_a_scan_finds_the_motors_of_robot_yaml(self, shell: Shell) -> None:
-        rows = rows_of(shell, "scan", "--bus", "virtual")
-        assert rows[0] == ["can0", "1", "MIT", "mode", "FR_hip_joint", "found"]
-        assert len(rows) == 12
-
-    def test_one_motor_or_all_are_watched(self, shell: Shell) -> None:
-        watched = ("monitor", "--bus", "virtual", "--duration", "0.2")
-        assert len(rows_of(shell, *watched)) == 12
-        (row,) = rows_of(shell, *watched, "--joint", "RL_calf_joint")
-        assert row[:4] == ["RL_calf_joint", "can3", "3", "AK10-9"]
+    def test_motors_are_found_watched_enabled_and_set_to_zero(self, shell: Shell) -> None:
+        rows = rows_of(shell, "scan")
+        assert (len(rows), rows[0]) == (12, ["can0", "1", "MIT", "mode", "FR_hip_joint", "found"])
+        assert len(rows_of(shell, "monitor", "--duration", "0.2")) == 12
+        (row,) = rows_of(shell, "monitor", "--duration", "0.2", "--joint", JOINT)
+        assert row[:4] == [JOINT, "can3", "3", "AK10-9"]
         assert float(row[4]) < -1.5
-
-    def test_motors_are_enabled_for_a_moment(self, shell: Shell) -> None:
-        assert len(rows_of(shell, "enable", "--bus", "virtual", "--duration", "0.2", "--yes")) == 12
+        assert len(rows_of(shell, "enable", "--duration", "0.2", "--yes")) == 12
+        (row,) = rows_of(shell, "zero", "--joint", JOINT, "--yes")
+        assert abs(float(row[4])) < 0.05
 
     @pytest.mark.parametrize(
-        ("verb", "fault", "code"),
-        [
-            (["monitor"], lambda motors: motors.silent, 1),
-            (["monitor"], lambda motors: motors.error, 2),
-            (["enable", "--yes"], lambda motors: motors.error, 2),
-        ],
+        ("verb", "fault", "code"), [("monitor", "silent", 1), ("monitor", "error", 2), ("enable", "error", 2)]
     )
-    def test_a_silent_motor_or_a_motor_with_an_error_is_named_with_status_1(
-        self, shell: Shell, faulty: Faulty, verb: list[str], fault: Any, code: int
+    def test_a_silent_motor_or_an_error_is_named_with_status_1(
+        self, shell: Shell, monkeypatch: pytest.MonkeyPatch, verb: str, fault: str, code: int
     ) -> None:
-        faulty(fault, code)
-        outcome = shell("can", *verb, "--bus", "virtual", "--duration", "0.2")
+        inject(monkeypatch, fault, code)
+        consent = ["--yes"] if verb == "enable" else []
+        outcome = shell("can", verb, *consent, "--bus", "virtual", "--duration", "0.2")
         assert outcome.status == 1
-        assert "RL_calf_joint" in outcome.out.splitlines()[-1]
-
-    def test_a_zero_is_set(self, shell: Shell) -> None:
-        (row,) = rows_of(shell, "zero", "--bus", "virtual", "--joint", "RL_calf_joint", "--yes")
-        assert abs(float(row[4])) < 0.05
+        assert JOINT in outcome.out.splitlines()[-1]
 
     @pytest.mark.parametrize(
         ("protocol", "code", "message"),
@@ -157,17 +119,19 @@ class TestVirtual:
         ],
     )
     def test_a_latched_error_is_cleared(
-        self, shell: Shell, own_folder: Path, faulty: Faulty, protocol: str, code: int, message: str
-    ) -> None:
-        faulty(lambda motors: motors.latched, code)
-        knees = with_knees(own_folder, protocol)
-        options = ("--robot", knees, "--joint", "RL_calf_joint", "--yes")
+        self, shell: Shell, own_folder: Path, monkeypatch: pytest.MonkeyPatch,
+        protocol: str, code: int, message: str,
+    ) -> None:  # fmt: skip
+        inject(monkeypatch, "latched", code)
+        with content_of(own_folder / "robot.yaml") as content:
+            content["motors"]["knee"]["protocol"] = protocol
+        options = ("--robot", own_folder, "--joint", JOINT, "--yes")
         outcome = shell("can", "clear", "--bus", "virtual", *options)
         assert (outcome.status, outcome.err) == (0, ""), outcome
-        first, *table = outcome.out.splitlines()
-        assert first.startswith("RL_calf_joint")
+        first, *_, last = outcome.out.splitlines()
+        assert first.startswith(JOINT)
         assert message in first
-        assert table[-1].split()[0] == "RL_calf_joint"
+        assert last.split()[0] == JOINT
 
 
 def test_refusals_name_their_cause(shell: Shell) -> None:
@@ -185,12 +149,11 @@ def test_refusals_name_their_cause(shell: Shell) -> None:
     assert "FR_hip_joint" in complaint
 
 
-@pytest.mark.parametrize(("extra", "status"), [(set(), 0), ({scan.FoundMotor(2, 99, "MIT mode")}, 1)])
 def test_a_motor_that_robot_yaml_does_not_know_makes_a_scan_fail(
-    shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch, extra: set[scan.FoundMotor], status: int
+    shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     known = set(scan.expected(wiring_of(go1)))
-    monkeypatch.setattr(scan, "scan", lambda *_: known | extra)
-    outcome = shell("can", "scan", "--bus", "virtual")
-    assert outcome.status == status
-    assert ("not in robot.yaml" in outcome.out) is bool(extra)
+    for found, status in ((known, 0), (known | {scan.FoundMotor(2, 99, "MIT mode")}, 1)):
+        monkeypatch.setattr(scan, "scan", lambda *_, found=found: found)
+        outcome = shell("can", "scan", "--bus", "virtual")
+        assert (outcome.status, "not in robot.yaml" in outcome.out) == (status, status == 1)

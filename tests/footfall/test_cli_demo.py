@@ -1,6 +1,8 @@
 """`footfall demo`: which commands it runs, without running them."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from recorder import Recorder
@@ -9,18 +11,18 @@ from shell import Shell
 from footfall.cli import app
 from footfall.verbs import demo as demo_module
 
+Steps = list[tuple[str, ...]]
+
 
 @pytest.fixture
-def steps(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, ...]]:
+def steps(monkeypatch: pytest.MonkeyPatch) -> Steps:
     """The commands that the demo would run."""
-    found: list[tuple[str, ...]] = []
+    found: Steps = []
     monkeypatch.setattr(demo_module, "_step", lambda *tokens, **_: found.append(tokens) or 0)
     return found
 
 
-def test_the_demo_runs_from_training_to_a_report(
-    steps: list[tuple[str, ...]], shell: Shell, called: Recorder
-) -> None:
+def test_the_demo_runs_from_training_to_a_report(steps: Steps, shell: Shell, called: Recorder) -> None:
     called.replace("footfall.policies.registry.zoo_names", ["go1-flat"])
     called.replace("footfall.policies.registry.walking_controllers", ["trot", "mpc"])
     options = "--out d --seed 7 --episodes 3 --preset smoke --scenarios push,gentle"
@@ -39,40 +41,37 @@ def test_the_demo_runs_from_training_to_a_report(
     assert str(Path("d/report.html").resolve()) in outcome.out
 
 
-def test_requirements_of_all_steps_are_checked_before_the_first(
-    steps: list[tuple[str, ...]], shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+def test_requirements_are_checked_before_the_first_step(
+    steps: Steps, shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for option, complaint in (
-        (("--scenarios", "gentle,ballet"), "no scenario 'ballet'"),
-        (("--preset", "huge"), "no preset 'huge'"),
-        (("--robot", "rex"), "no robot 'rex'"),
+        ("--scenarios gentle,ballet", "no scenario 'ballet'"),
+        ("--preset huge", "no preset 'huge'"),
+        ("--robot rex", "no robot 'rex'"),
     ):
-        assert complaint in shell.refuses("demo", "--out", "d", *option)
-    (tmp_path / "file").touch()
-    for not_empty in ("file", tmp_path):
+        assert complaint in shell.refuses("demo", "--out", "d", *option.split())
+    Path("file").touch()
+    for not_empty in ("file", "."):
         assert "not empty" in shell.refuses("demo", "--out", not_empty)
     monkeypatch.setattr("footfall.evaluate.report.extra.find_spec", lambda _: None)
     assert "an HTML report needs" in shell.refuses("demo", "--out", "d")
     assert steps == []
-    assert not (tmp_path / "d").exists()
+    assert not Path("d").exists()
 
 
-def test_a_falling_policy_is_compared(monkeypatch: pytest.MonkeyPatch, shell: Shell, tmp_path: Path) -> None:
+def test_a_falling_policy_is_compared(monkeypatch: pytest.MonkeyPatch, shell: Shell) -> None:
     """deploy and then the demo end with status 1 after a fall; of other steps that status ends the demo."""
     statuses = {"train": 0, "export": 0, "deploy": 1, "compare": 0}
     ran: list[str] = []
 
-    class Step:
-        def __init__(self, command: list[str]) -> None:
-            self.verb = command[command.index("footfall") + 1]
-            ran.append(self.verb)
+    def begin(command: list[str]) -> Any:
+        verb = command[command.index("footfall") + 1]
+        ran.append(verb)
+        return SimpleNamespace(wait=lambda: statuses[verb])
 
-        def wait(self) -> int:
-            return statuses[self.verb]
-
-    monkeypatch.setattr(demo_module.subprocess, "Popen", Step)
-    assert shell("demo", "--out", tmp_path / "demo").status == 1
+    monkeypatch.setattr(demo_module.subprocess, "Popen", begin)
+    assert shell("demo", "--out", "d").status == 1
     assert ran == ["train", "export", "deploy", "compare"]
     statuses["export"] = 1
-    assert shell("demo", "--out", tmp_path / "demo").status == 2
+    assert shell("demo", "--out", "d").status == 2
     assert ran[4:] == ["train", "export"]

@@ -11,9 +11,9 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def listed(capsys: pytest.CaptureFixture[str]) -> dict[str, dict[str, dict]]:
+def listed(shell: Shell) -> dict[str, dict[str, dict]]:
     """Each kind's rows by name."""
-    outcome = Shell(capsys)("list", "--json")
+    outcome = shell("list", "--json")
     assert outcome.status == 0
     return {kind: {row.pop("name"): row for row in rows} for kind, rows in json.loads(outcome.out).items()}
 
@@ -36,19 +36,17 @@ def test_each_row_has_its_kind(listed: dict[str, dict[str, dict]]) -> None:
     assert listed["controllers"]["step"]["robots"] == ["g1"]
     assert [listed["controllers"][name]["walks"] for name in ("stand", "mpc")] == [False, True]
     assert listed["policies"]["g1-flat"]["robot"] == "g1"
-    gentle = listed["scenarios"]["gentle"]
-    assert (gentle["episodes"], gentle["duration_s"]) == (24, 10.0)
-    assert all(about for about in (gentle["about"], listed["presets"]["smoke"]["about"]))
-    assert listed["presets"]["smoke"]["total_steps"] == 4096
+    gentle, smoke = listed["scenarios"]["gentle"], listed["presets"]["smoke"]
+    assert (gentle["episodes"], gentle["duration_s"], smoke["total_steps"]) == (24, 10.0, 4096)
+    assert gentle["about"]
+    assert smoke["about"]
 
 
-def test_a_robot_folder_limits_the_list_to_its_controllers(
-    own_folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    listed = json.loads(Shell(capsys)("list", "--robot", own_folder, "--json").out)
+def test_a_robot_folder_limits_the_list_to_its_controllers(own_folder: Path, shell: Shell) -> None:
+    listed = json.loads(shell("list", "--robot", own_folder, "--json").out)
     (robot,) = listed["robots"]
     assert robot["controllers"]
     assert {row["name"] for row in listed["controllers"]} == set(robot["controllers"])
     assert all(row["robots"] == [robot["name"]] for row in listed["controllers"])
     assert {row["name"] for row in listed["policies"]} == set(robot["policies"])
-    assert Shell(capsys)("list", "--robot", own_folder).status == 0
+    assert shell("list", "--robot", own_folder).status == 0

@@ -29,25 +29,23 @@ def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_info_and_page_of_a_sound_run(shell: Shell, logged: Path, tmp_path: Path) -> None:
+def test_info_and_page_of_a_sound_run(shell: Shell, logged: Path) -> None:
     result = shell("log", "info", logged)
     assert result.status == 0
     for part in ("sway on go1", "IDLE", "No fault", "Each foot path is continuous", "/joint_states"):
         assert part in result.out, result.out
-    assert shell("log", "plot", logged, "--out", tmp_path / "page.html").status == 0
-    page = (tmp_path / "page.html").read_text()
+    assert shell("log", "plot", logged, "--out", "page.html").status == 0
+    page = Path("page.html").read_text()
     for part in ("sway on go1", "Torques", "Paths of the feet", "Temperatures", "FR_hip_joint", "WALKING"):
         assert part in page
     assert page.count("<svg") >= 4 * 4
 
 
-def test_info_and_page_of_a_fault(
-    shell: Shell, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_info_and_page_of_a_fault(shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """The page lies beside its log."""
     monkeypatch.setattr("footfall.evaluate.report.log_page.plots", lambda _: [])  # they take seconds
-    (tmp_path / "logs").mkdir()
-    log = tmp_path / "logs" / "bad.mcap"
+    log = Path("logs/bad.mcap")
+    log.parent.mkdir()
     run_episode(go1, FailingPolicy(go1, 0.2, not_a_number), short_episode(config=QUICK, log=log))
     result = shell("log", "info", log)
     assert result.status == 1
@@ -65,9 +63,9 @@ def test_a_jump_is_found_and_a_swing_is_not() -> None:
     assert jump == (pytest.approx(0.6), 0, pytest.approx(0.02, abs=0.003))
 
 
-def test_a_cut_keeps_its_range_and_the_latched_messages(shell: Shell, logged: Path, tmp_path: Path) -> None:
+def test_a_cut_keeps_its_range_and_the_latched_messages(shell: Shell, logged: Path) -> None:
     assert shell("log", "cut", logged, "--from", "0.6", "--to", "0.8", "--out", "part.mcap").status == 0
-    whole, part = read_log(logged), read_log(tmp_path / "part.mcap")
+    whole, part = read_log(logged), read_log(Path("part.mcap"))
     inside = [entry for entry in whole.entries if 6 * 10**8 <= entry.time_ns - FIRST_NS <= 8 * 10**8]
     held = part.entries[: len(part.entries) - len(inside)]
     assert {entry.topic for entry in held} >= {"/robot_description", "/tf_static", "/state", "/motor_health"}
@@ -75,10 +73,10 @@ def test_a_cut_keeps_its_range_and_the_latched_messages(shell: Shell, logged: Pa
     assert [entry[:2] for entry in part.entries[len(held) :]] == [entry[:2] for entry in inside]
     assert not part.complete  # the range ends before the run
     assert part.metadata["robot"] == "go1"
-    with (tmp_path / "part.mcap").open("rb") as file:
+    with Path("part.mcap").open("rb") as file:
         assert make_reader(file).get_summary() is not None
     shell("log", "cut", logged, "--from", "0.6", "--out", "end.mcap")
-    assert read_log(tmp_path / "end.mcap").complete
+    assert read_log(Path("end.mcap")).complete
     for wrong in (("--from", "2", "--to", "1"), ("--from", "500"), ("--out", logged)):
         shell.refuses("log", "cut", logged, *wrong)
 
@@ -95,19 +93,19 @@ def test_frames_are_those_that_candump_would_have_seen(shell: Shell, logged: Pat
     assert (frames[0].arbitration_id, bytes(frames[0].data)) == (first.id, bytes(first.data[: first.dlc]))
 
 
-def test_layouts_name_topics_and_joints(shell: Shell, go1: Robot, logged: Path, tmp_path: Path) -> None:
+def test_layouts_name_topics_and_joints(shell: Shell, go1: Robot, logged: Path) -> None:
     for tool in ("foxglove", "plotjuggler"):
-        assert shell("log", "layout", logged, "--tool", tool, "--out", tmp_path / tool).status == 0
-    foxglove = json.loads((tmp_path / "foxglove").read_text())
+        assert shell("log", "layout", logged, "--tool", tool, "--out", tool).status == 0
+    foxglove = json.loads(Path("foxglove").read_text())
     paths = [path for panel in foxglove["configById"].values() for path in panel.get("paths", ())]
     assert {path["value"].partition(".")[0] for path in paths} <= set(TOPICS)
     assert set(go1.joint_names) <= {path["label"] for path in paths}
-    of_joints = [path for path in paths if path["value"].startswith("/joint_states.")]
-    for path in of_joints:
-        assert path["value"].endswith(f"[{go1.joint_names.index(path['label'])}]")
-    placed = re.findall(r'"(?:first|second)": "(.+)"', (tmp_path / "foxglove").read_text())
+    for path in paths:
+        if path["value"].startswith("/joint_states."):
+            assert path["value"].endswith(f"[{go1.joint_names.index(path['label'])}]")
+    placed = re.findall(r'"(?:first|second)": "(.+)"', Path("foxglove").read_text())
     assert sorted(placed) == sorted(foxglove["configById"])
-    curves = [each.get("name", "") for each in ElementTree.parse(tmp_path / "plotjuggler").iter("curve")]
+    curves = [each.get("name", "") for each in ElementTree.parse("plotjuggler").iter("curve")]
     assert {f"/joint_states/{joint}/effort" for joint in go1.joint_names} <= set(curves)
 
 

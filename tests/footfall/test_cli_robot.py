@@ -18,51 +18,36 @@ from footfall.plant.standing import StandingResult
 from footfall.policies.gaits import gaits_of
 from footfall.robots.description import Robot
 
-GO1_HEIGHT_M = 0.2945
+# A standing test without findings.
+STOOD = StandingResult(
+    fall_reason="", faults=(), stood_s=4.0, sank_m=0.01, tilt_rad=0.05, moved_m=0.02,
+    torque_share=np.linspace(0.1, 0.5, 12), feet_down=np.ones(4),
+)  # fmt: skip
 
 
-def stood(**changes: Any) -> StandingResult:
-    """A standing test without findings."""
-    facts: dict[str, Any] = {
-        "fall_reason": "", "faults": (), "stood_s": 4.0, "sank_m": 0.01, "tilt_rad": 0.05,
-        "moved_m": 0.02, "torque_share": np.linspace(0.1, 0.5, 12), "feet_down": np.ones(4),
-    }  # fmt: skip
-    return StandingResult(**(facts | changes))
+def test_findings_of_a_standing_test(go1: Robot) -> None:
+    height_m = go1.description.standing_height_m
+    assert height_m == 0.2945
+    just = {"sank_m": 0.149 * height_m, "tilt_rad": 0.169, "torque_share": np.full(12, 0.8)}
+    fell = {"stood_s": 1.25, "sank_m": 0.2, "tilt_rad": 1.0}
+    for changes, named in (
+        ({}, []),
+        (just | {"feet_down": np.full(4, 0.5)}, []),
+        ({"sank_m": 0.151 * height_m}, ["44 mm"]),
+        ({"tilt_rad": 0.175}, ["10 degrees"]),
+        ({"torque_share": np.where(np.arange(12) == 4, 0.81, 0.1)}, ["FL_thigh_joint"]),
+        ({"feet_down": np.array([1.0, 1.0, 0.49, 1.0])}, ["RR"]),
+        (fell | {"fall_reason": "it tilted", "faults": ("x",)}, ["it tilted after 1.2 s"]),
+        (fell | {"faults": ("motor 3", "motor 4")}, ["motor 3; motor 4"]),
+    ):
+        found = list(robot_check.standing_findings(go1, replace(STOOD, **changes)))
+        assert len(found) == len(named)
+        assert all(name in finding for name, finding in zip(named, found, strict=True)), found
 
 
-class TestVerdict:
-    def wrong(self, robot: Robot, **changes: Any) -> list[str]:
-        return list(robot_check.standing_findings(robot, stood(**changes)))
-
-    def test_a_standing_robot_has_no_findings(self, go1: Robot) -> None:
-        assert go1.description.standing_height_m == GO1_HEIGHT_M
-        assert self.wrong(go1) == []
-        just = {"sank_m": 0.149 * GO1_HEIGHT_M, "tilt_rad": 0.169, "torque_share": np.full(12, 0.8)}
-        assert self.wrong(go1, **just, feet_down=np.full(4, 0.5)) == []
-
-    def test_an_exceeded_limit_is_reported(self, go1: Robot) -> None:
-        torque = np.where(np.arange(12) == 4, 0.81, 0.1)
-        for changes, named in (
-            ({"sank_m": 0.151 * GO1_HEIGHT_M}, "44 mm"),
-            ({"tilt_rad": 0.175}, "10 degrees"),
-            ({"torque_share": torque}, "FL_thigh_joint"),
-            ({"feet_down": np.array([1.0, 1.0, 0.49, 1.0])}, "RR"),
-        ):
-            (found,) = self.wrong(go1, **changes)
-            assert named in found
-
-    def test_without_standing_only_the_reason_is_reported(self, go1: Robot) -> None:
-        fell = {"stood_s": 1.25, "sank_m": 0.2, "tilt_rad": 1.0}
-        (found,) = self.wrong(go1, **fell, fall_reason="it tilted", faults=("x",))
-        assert "it tilted after 1.2 s" in found
-        (found,) = self.wrong(go1, **fell, faults=("motor 3", "motor 4"))
-        assert "motor 3; motor 4" in found
-
-    @pytest.mark.parametrize(("gain", "limit"), [("kp", 500.0), ("kd", 5.0)])
-    def test_gains_beyond_the_frames_range_are_reported_by_joint(
-        self, go1: Robot, gain: str, limit: float
-    ) -> None:
-        assert list(robot_check.gains_beyond_frames(go1)) == []
+def test_gains_beyond_the_frames_range_are_reported_by_joint(go1: Robot) -> None:
+    assert list(robot_check.gains_beyond_frames(go1)) == []
+    for gain, limit in (("kp", 500.0), ("kd", 5.0)):
         gains = {"kp": go1.kp.copy(), "kd": go1.kd.copy()}
         gains[gain][[5, 7]] = limit + 0.5, limit
         robot: Any = SimpleNamespace(description=go1.description, **gains)
@@ -85,67 +70,55 @@ class TestCheck:
             findings=lambda **_: iter(found),
         )
         called.replace("footfall.robots.inspection.inspect_robot", looked)
-        called.replace("footfall.plant.standing.standing_test", stood())
+        called.replace("footfall.plant.standing.standing_test", STOOD)
         called.replace("footfall.plant.lying.lying_test", LyingResult("", 0.0, 0.1))
         called.replace("footfall.plant.walking.controllers_test", [])
         return found
 
-    def test_anything_wrong_is_status_1(self, shell: Shell, found: list[str]) -> None:
+    def test_anything_wrong_is_status_1(self, shell: Shell, found: list[str], called: Recorder) -> None:
         assert shell("robot", "check", "go1", "--duration", "2.5", "--seed", "9").status == 0
         found.append("a foot is missing")
         outcome = shell("robot", "check", "go1")
         assert (outcome.status, "a foot is missing" in outcome.out) == (1, True)
+        found.clear()
+        called.replace("footfall.plant.lying.lying_test", LyingResult("it fell over", 0.0, 1.5))
+        outcome = shell("robot", "check", "go1")
+        assert (outcome.status, "it fell over" in outcome.out) == (1, True)
 
     def test_a_robot_without_a_lying_pose_is_not_laid_down(
         self, shell: Shell, found: list[str], called: Recorder, go1: Robot
     ) -> None:
         joints = tuple(replace(joint, lying_rad=None) for joint in go1.description.joints)
-        robot = described(go1, joints=joints)
-        called.replace("footfall.robots.description.load_robot", lambda _: robot)
+        called.replace("footfall.robots.description.load_robot", described(go1, joints=joints))
         outcome = shell("robot", "check", "mine")
         assert "lying_test" not in called.names
         assert (outcome.status, "lying_rad" in outcome.out) == (0, True)
 
-    def test_a_robot_that_cannot_lie_down_and_stand_up_fails(
-        self, shell: Shell, found: list[str], called: Recorder
-    ) -> None:
-        called.replace("footfall.plant.lying.lying_test", LyingResult("it fell over", 0.0, 1.5))
-        outcome = shell("robot", "check", "go1")
-        assert (outcome.status, "it fell over" in outcome.out) == (1, True)
+
+def test_options_reach_the_import(shell: Shell, called: Recorder, go1: Robot) -> None:
+    made = SimpleNamespace(folder="there", guesses=["a guess", "another"])
+    called.replace("footfall.robots.importer.create.import_robot", made)
+    called.replace("footfall.robots.description.load_robot", go1)
+    outcome = shell(
+        "robot", "new", "--from", "a.urdf", "--out", "mine", "--feet", "left,right", "--packages", "p", "q",
+        "--peak-torque", "23.7", "--speed", "hip=30.1, knee=20.06", "--armature", "a=b=0.01",
+        "--forward=-y", "--up", "z", "--actuator", "hip=A, knee=B",
+    )  # fmt: skip
+    assert outcome.status == 0, outcome.err
+    ((request,), _) = called.of("import_robot")
+    assert (request.source, request.folder) == (Path("a.urdf"), Path("mine"))
+    assert (request.feet, request.packages) == (("left", "right"), (Path("p"), Path("q")))
+    assert (request.forward, request.up) == ("-y", "z")
+    assert request.actuators == {"hip": "A", "knee": "B"}
+    assert request.peak_torque_nm == {"": 23.7}
+    assert request.speed_rad_s == {"hip": 30.1, "knee": 20.06}
+    assert request.armature == {"a=b": 0.01}
+    assert (request.gaits_of, request.find_lying_pose) == (gaits_of, find_lying_pose)
+    assert request.defaults == default_ranges()
+    assert {"- a guess", "- another"} <= set(outcome.out.splitlines())
 
 
-class TestNew:
-    def test_options_reach_the_import(
-        self, shell: Shell, tmp_path: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        recorded: list[Any] = []
-        made = SimpleNamespace(folder="there", guesses=["a guess", "another"])
-        monkeypatch.setattr(
-            "footfall.robots.importer.create.import_robot", lambda request: recorded.append(request) or made
-        )
-        monkeypatch.setattr("footfall.robots.description.load_robot", lambda _: go1)
-        outcome = shell(
-            "robot", "new", "--from", "a.urdf", "--out", "mine", "--feet", "left,right", "--packages", "p",
-            "q", "--peak-torque", "23.7", "--speed", "hip=30.1, knee=20.06",
-            "--armature", "a=b=0.01", "--forward=-y", "--up", "z",
-            "--actuator", "hip=A, knee=B",
-        )  # fmt: skip
-        assert outcome.status == 0, outcome.err
-        (request,) = recorded
-        assert (request.source, request.folder) == (Path("a.urdf"), Path("mine"))
-        assert (request.feet, request.packages) == (("left", "right"), (Path("p"), Path("q")))
-        assert (request.forward, request.up) == ("-y", "z")
-        assert request.actuators == {"hip": "A", "knee": "B"}
-        assert request.peak_torque_nm == {"": 23.7}
-        assert request.speed_rad_s == {"hip": 30.1, "knee": 20.06}
-        assert request.armature == {"a=b": 0.01}
-        assert request.gaits_of is gaits_of
-        assert request.find_lying_pose is find_lying_pose
-        assert request.defaults == default_ranges()
-        assert {"- a guess", "- another"} <= set(outcome.out.splitlines())
-
-    def test_a_figure_is_a_number_above_zero(self, shell: Shell) -> None:
-        for value in ("0", "-1", "1e6", "hip=", "hip=x", "=,", "nan", "inf", "hip=1,knee=0"):
-            assert "--speed" in shell.refuses(
-                "robot", "new", "--from", "a.urdf", "--out", "b", f"--speed={value}"
-            )
+def test_a_figure_of_a_new_robot_is_a_number_above_zero(shell: Shell) -> None:
+    new = ("robot", "new", "--from", "a.urdf", "--out", "b")
+    for value in ("0", "-1", "1e6", "hip=", "hip=x", "=,", "nan", "inf", "hip=1,knee=0"):
+        assert "--speed" in shell.refuses(*new, f"--speed={value}")

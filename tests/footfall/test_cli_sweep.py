@@ -21,9 +21,9 @@ def swept(called: Recorder) -> SimpleNamespace:
     trial = Trial(folder="trial-0", settings=settings, seed=4, value=1.23456, steps=12345, error="")
     point = Point(settings=settings, mean=2.34567, spread=0.5, seeds=3, failed=0, unfinished=0)
     state = SimpleNamespace(trials=[trial], points=[point], unfinished=0)
-    answer = lambda *_: (state.trials, state.points, state.unfinished)  # noqa: E731
-    called.replace("footfall.train.sweeps.sweep.sweep", answer)
-    called.replace("footfall.train.sweeps.sweep.resume_sweep", answer)
+    for name in ("sweep", "resume_sweep"):
+        answer = lambda *_: (state.trials, state.points, state.unfinished)  # noqa: E731
+        called.replace(f"footfall.train.sweeps.sweep.{name}", answer)
     return state
 
 
@@ -48,10 +48,7 @@ def test_a_sweep_is_resumed_in_its_folder(shell: Shell, called: Recorder, swept:
 
 def test_failed_and_remaining_runs_set_the_exit_status(shell: Shell, swept: SimpleNamespace) -> None:
     swept.trials = [swept.trials[0], swept.trials[0]._replace(error="it broke")]
-    outcome = shell("sweep", "space.yaml", "--out", "mine")
-    assert outcome.status == 1
-    assert "it broke" in outcome.out
-    swept.unfinished = 2
-    outcome = shell("sweep", "space.yaml", "--out", "mine")
-    assert outcome.status == 130
-    assert "footfall sweep --resume mine" in outcome.out
+    for swept.unfinished, status, text in ((0, 1, "it broke"), (2, 130, "footfall sweep --resume mine")):
+        outcome = shell("sweep", "space.yaml", "--out", "mine")
+        assert outcome.status == status
+        assert text in outcome.out

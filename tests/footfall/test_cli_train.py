@@ -3,13 +3,11 @@
 import json
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 from recorder import Recorder
@@ -17,6 +15,7 @@ from shell import Shell
 
 from footfall.cli import main
 from footfall.evaluate.config import EvaluationConfig
+from footfall.train.api import TrainRequest
 
 
 @pytest.fixture(scope="module")
@@ -31,12 +30,6 @@ def run_folder(six_iterations: str, kept_programs: None, tmp_path_factory: pytes
     return folder
 
 
-@pytest.fixture
-def copied_run(run_folder: Path, tmp_path: Path) -> Path:
-    """A copy of the run, which a test may damage."""
-    return Path(shutil.copytree(run_folder, tmp_path / "run"))
-
-
 def test_training_ends_with_a_policy_and_its_evaluation(shell: Shell, run_folder: Path) -> None:
     assert (run_folder / "config.yaml").is_file()
     assert list((run_folder / "checkpoints").iterdir())
@@ -46,43 +39,34 @@ def test_training_ends_with_a_policy_and_its_evaluation(shell: Shell, run_folder
     assert f"--resume {run_folder}" in complaint
 
 
-def test_export_writes_the_same_policy_again(shell: Shell, run_folder: Path, tmp_path: Path) -> None:
-    out = tmp_path / "again.onnx"
-    outcome = shell("export", run_folder, "--out", out)
+def test_export_writes_the_same_policy_again(shell: Shell, run_folder: Path) -> None:
+    outcome = shell("export", run_folder, "--out", "again.onnx")
     assert outcome.status == 0, outcome.err
-    assert out.read_bytes() == (run_folder / "policy.onnx").read_bytes()
+    assert Path("again.onnx").read_bytes() == (run_folder / "policy.onnx").read_bytes()
 
 
-@pytest.mark.parametrize("verb", [["train", "--resume"], ["export"]], ids=" ".join)
-def test_a_damaged_checkpoint_is_named(shell: Shell, copied_run: Path, verb: list[str]) -> None:
-    for path in (copied_run / "checkpoints").iterdir():
+def test_a_damaged_checkpoint_is_named(shell: Shell, run_folder: Path, tmp_path: Path) -> None:
+    copied = shutil.copytree(run_folder, tmp_path / "run")
+    for path in (copied / "checkpoints").iterdir():
         path.write_bytes(b"garbage")
-    policy = copied_run / "policy.onnx"
-    policy.unlink()  # otherwise nothing would be left to train
-    outcome = shell(*verb, copied_run)
-    assert outcome.status == 2
-    assert outcome.err.count("\n") == 1
-    assert str(copied_run) in outcome.err
-    assert not policy.exists()
+    (copied / "policy.onnx").unlink()  # otherwise nothing would be left to train
+    for verb in (["train", "--resume"], ["export"]):
+        outcome = shell(*verb, copied)
+        assert (outcome.status, outcome.err.count("\n")) == (2, 1)
+        assert str(copied) in outcome.err
+        assert not (copied / "policy.onnx").exists()
 
 
 class TestOptions:
     """The resulting requests, with a training that only records them."""
 
     @pytest.fixture
-    def trained(self, called: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """Calls of a training; its run folder is `made`."""
-        run = SimpleNamespace(
-            policy=tmp_path / "policy.onnx", provenance=SimpleNamespace(robot="rex", seed=5)
-        )
+    def trained(self, called: Recorder, tmp_path: Path) -> SimpleNamespace:
+        """A training in the run folder `made`, and the calls of its functions."""
+        provenance = SimpleNamespace(robot="rex", seed=5)
+        run = SimpleNamespace(policy=tmp_path / "policy.onnx", provenance=provenance)
         run.policy.touch()
-        state = SimpleNamespace(run=run, main=True)
-
-        @contextmanager
-        def watched(*given: Any) -> Iterator[None]:
-            called.calls.append(("watched", given, {}))
-            yield
-            called.calls.append(("unwatched", (), {}))
+        state = SimpleNamespace(run=run, main=True, called=called)
 
         for import_path, answer in (
             ("footfall.train.api.begin", Path("made")), ("footfall.train.api.resume", None),
@@ -90,18 +74,13 @@ class TestOptions:
             ("footfall.train.api.cluster.is_main_process", lambda: state.main),
             ("footfall.train.runs.folder.open_run", lambda _: run),
             ("footfall.verbs.train.start_device", None), ("footfall.verbs.train._check_evaluation", None),
-            ("footfall.pages.page.check_page", None),
+            ("footfall.pages.page.check_page", None), ("footfall.pages.beside.watched", nullcontext()),
             ("footfall.evaluate.api.evaluate_policy", {"scenarios": {}}),
         ):  # fmt: skip
             called.replace(import_path, answer)
-        monkeypatch.setattr("footfall.pages.beside.watched", watched)
         return state
 
-    def test_options_reach_the_request(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace
-    ) -> None:
-        from footfall.train.api import TrainRequest
-
+    def test_options_reach_the_request(self, shell: Shell, trained: SimpleNamespace) -> None:
         options = (
             "--robot", "rex", "--preset", "gpu", "--seed", "4", "--out", "there", "--steps", "1000",
             "--checkpoint-interval", "2.5", "--trainer", "rsl_rl", "--set", "ppo.learning_rate=1e-3",
@@ -110,27 +89,30 @@ class TestOptions:
         settings = {"ppo.learning_rate": "1e-3", "env.gait": {"name": "pace"}}  # as YAML 1.1 reads them
         request = TrainRequest("rex", "gpu", 4, Path("there"), 1000, 2.5, "rsl_rl", settings)
         for given, expected in (((), TrainRequest()), (options, request)):
-            called.calls.clear()
+            trained.called.calls.clear()
             assert shell("train", *given).status == 0
-            assert called.of("begin") == ((expected,), {})
+            assert trained.called.of("begin") == ((expected,), {})
 
-    @pytest.mark.parametrize(("tokens", "folder"), [((), "made"), (("--resume", "mine"), "mine")])
-    def test_the_finished_policy_is_evaluated_with_the_runs_robot_and_seed(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace, tokens: tuple[str, ...], folder: str
+    def test_the_policy_is_evaluated_with_the_runs_robot_and_seed(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace
     ) -> None:
-        assert shell("train", *tokens).status == 0
-        assert called.of("resume") == ((Path(folder),), {})
-        assert ("begin" in called.names) == (not tokens)
-        written = {"json_path": Path(folder) / "evaluation.json"}
-        assert called.of("evaluate_policy") == ((folder, EvaluationConfig("rex", ("gentle",), 5)), written)
+        for tokens, folder in ((["train"], "made"), (["train", "--resume", "mine"], "mine")):
+            called.calls.clear()
+            assert shell(*tokens).status == 0
+            assert called.of("resume") == ((Path(folder),), {})
+            assert ("begin" in called.names) == (folder == "made")
+            options = {"json_path": Path(folder) / "evaluation.json"}
+            given = (folder, EvaluationConfig("rex", ("gentle",), 5))
+            assert called.of("evaluate_policy") == (given, options)
         failed = {"scenarios": {"gentle": {"episodes": 1, "failed_episodes": ["episode 0: no"]}}}
         called.replace("footfall.evaluate.api.evaluate_policy", failed)
-        assert shell("train", *tokens).status == 1
+        for tokens in (["train"], ["train", "--resume", "mine"]):
+            assert shell(*tokens).status == 1
 
-    def test_a_policy_walks_again_if_it_is_newer_than_its_evaluation(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace, tmp_path: Path
+    def test_a_policy_newer_than_its_evaluation_walks_again(
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace
     ) -> None:
-        evaluation = tmp_path / "made" / "evaluation.json"
+        evaluation = Path("made/evaluation.json")
         evaluation.parent.mkdir()
         evaluation.touch()
         os.utime(trained.run.policy, (1000, 1000))
@@ -144,16 +126,13 @@ class TestOptions:
         assert shell("train").status == 0
         assert "evaluate_policy" not in called.names
 
-    def test_settings_of_a_resumed_run_are_refused(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace
-    ) -> None:
+    def test_settings_of_a_resumed_run_are_refused(self, shell: Shell, trained: SimpleNamespace) -> None:
         """Settings equal to the defaults are refused, too."""
-        for option in (
-            ("--out", "x"), ("--steps", "9"), ("--checkpoint-interval", "3"), ("--trainer", "brax"),
-            ("--seed", "0"), ("--preset", "cpu"), ("--robot", "go1"),
-        ):  # fmt: skip
-            assert option[0] in shell.refuses("train", "--resume", "run", *option)
-        assert called.names == []
+        settings = "out=x steps=9 checkpoint-interval=3 trainer=brax seed=0 preset=cpu robot=go1"
+        for setting in settings.split():
+            option, value = setting.split("=")
+            assert f"--{option}" in shell.refuses("train", "--resume", "run", f"--{option}", value)
+        assert trained.called.names == []
 
     @pytest.mark.parametrize(
         ("cluster", "joined", "main", "pages"),
@@ -163,7 +142,7 @@ class TestOptions:
             (("auto",), ("auto", None, None), True, ["watched"]),
         ],
     )
-    def test_the_first_of_several_processes_serves_the_page_and_evaluates(
+    def test_the_first_of_several_processes_serves_and_evaluates(
         self, shell: Shell, called: Recorder, trained: SimpleNamespace,
         cluster: tuple[str, ...], joined: tuple, main: bool, pages: list[str],
     ) -> None:  # fmt: skip
@@ -176,7 +155,7 @@ class TestOptions:
         assert [name for name in called.names if name in ("check_page", "watched")] == pages
         assert ("evaluate_policy" in called.names) is main
 
-    def test_no_cluster_is_refused(self, shell: Shell, called: Recorder, trained: SimpleNamespace) -> None:
+    def test_an_invalid_cluster_is_refused(self, shell: Shell, trained: SimpleNamespace) -> None:
         for options, named in (
             ("--coordinator junk --processes 2 --process 0", "HOST:PORT"),
             ("--coordinator host: --processes 2 --process 0", "HOST:PORT"),
@@ -190,4 +169,4 @@ class TestOptions:
             ("--coordinator auto --process 0 --processes 2", "--coordinator"),
         ):
             assert named in shell.refuses("train", *options.split())
-        assert called.names == []
+        assert trained.called.names == []

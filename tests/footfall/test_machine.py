@@ -1,16 +1,14 @@
-"""Findings of doctor; on a robot's computer with a folder in place of `/`."""
+"""Findings of doctor on this machine."""
 
 import json
 import subprocess
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import Mock
 
 import pytest
 from packaging.requirements import Requirement
 
-from footfall import machine, robot_computer
+from footfall import machine
 
 
 def test_mujoco_and_mjx_must_be_of_one_release(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,96 +76,3 @@ def test_missing_packages_and_extras_are_named(monkeypatch: pytest.MonkeyPatch) 
     assert not found.good
     assert "mujoco>=9" in found.advice
     assert machine.check_extras().result == "train; pages lacks aiohttp, rich"
-
-
-def kernel_files(root: Path, files: dict[str, str]) -> Path:
-    for name, content in files.items():
-        (root / name).parent.mkdir(parents=True, exist_ok=True)
-        (root / name).write_text(f"{content}\n")
-    return root
-
-
-DEBIAN = "Linux version 6.12.9-amd64 (x@y) #1 SMP PREEMPT_DYNAMIC Debian"
-CPU = "sys/devices/system/cpu"
-FIRST, SECOND = (f"{CPU}/cpu{k}/cpufreq/scaling_governor" for k in (0, 1))
-
-
-@pytest.mark.parametrize(
-    ("check", "files", "advice"),
-    [
-        ("processors", {FIRST: "performance"}, ""),
-        ("processors", {FIRST: "performance", SECOND: "powersave"}, "cpupower frequency-set -g performance"),
-        ("processors", {}, ""),
-        ("isolated_cores", {f"{CPU}/isolated": "2-3"}, ""),
-        ("isolated_cores", {f"{CPU}/isolated": ""}, "isolcpus="),
-        ("kernel", {"proc/version": DEBIAN.replace("PREEMPT_DYNAMIC", "PREEMPT_RT")}, ""),
-        ("kernel", {"proc/version": DEBIAN, "sys/kernel/realtime": "1"}, ""),
-        ("kernel", {"proc/version": DEBIAN}, "linux-image-rt"),
-        ("kernel", {}, "linux-image-rt"),
-    ],
-)
-def test_advice_names_existing_settings(
-    tmp_path: Path, check: str, files: dict[str, str], advice: str
-) -> None:
-    found = getattr(robot_computer, f"check_{check}")(kernel_files(tmp_path, files))
-    assert found.good is not bool(advice)
-    assert advice in found.advice
-    assert found.result
-
-
-def test_real_time_scheduling_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    for error in (None, PermissionError):
-        monkeypatch.setattr("os.sched_setscheduler", Mock(side_effect=error))
-        found = robot_computer.check_realtime()
-        assert (found.good, bool(found.advice)) == (error is None, error is not None)
-
-
-def test_an_unsynchronised_clock_is_reported(tmp_path: Path) -> None:
-    root = kernel_files(tmp_path, {"proc/17/comm": "bash", "sys/class/ptp/ptp0/clock_name": "igb"})
-    alone = robot_computer.check_clock(root, lambda: False)
-    assert not alone.good
-    assert "chrony" in alone.advice
-    assert "ptp4l" in alone.advice
-    kernel_files(root, {"proc/18/comm": "chronyd"})
-    assert "apt" not in robot_computer.check_clock(root, lambda: False).advice
-    assert robot_computer.check_clock(root, lambda: True).good
-
-
-def link(name: str, state: str = "up", queue: int = 64, kind: int = 280) -> dict[str, str]:
-    folder = f"sys/class/net/{name}"
-    return {f"{folder}/operstate": state, f"{folder}/tx_queue_len": str(queue), f"{folder}/type": str(kind)}
-
-
-def controller(bitrate: int = 1_000_000, state: str = "ERROR-ACTIVE") -> dict[str, Any]:
-    return {"bittiming": {"bitrate": bitrate}, "state": state}
-
-
-UP = "ip link set can1 up type can bitrate 1000000 restart-ms 100"
-
-
-@pytest.mark.parametrize(
-    ("second", "details", "commands"),
-    [
-        ({}, {}, []),
-        (link("eth0", queue=10, kind=1), {}, []),
-        (link("can1"), controller(), []),
-        (link("can1", "down", 10), {}, [UP, "ip link set can1 txqueuelen 64"]),
-        (link("can1"), controller(500_000), ["ip link set can1 down", UP]),
-        (link("can1"), controller(state="BUS-OFF"), ["ip link set can1 type can restart"]),
-        (link("can1"), controller(state="ERROR-PASSIVE"), ["120 ohm"]),
-    ],
-)
-def test_can_interfaces_that_are_not_ready_are_reported_with_the_remedy(
-    tmp_path: Path, second: dict[str, str], details: dict[str, Any], commands: list[str]
-) -> None:
-    root = kernel_files(tmp_path, {**link("can0"), **second})
-    finding = robot_computer.check_can(root, details=lambda: {"can1": details} if details else {})
-    assert finding.good is not bool(commands)
-    assert [command for command in commands if command not in finding.advice] == []
-
-
-def test_a_kernel_without_can_is_reported(tmp_path: Path) -> None:
-    for sockets in (True, False):
-        found = robot_computer.check_can(tmp_path, lambda sockets=sockets: sockets)
-        assert not found.good
-        assert ("modprobe can_raw" in found.advice) is not sockets

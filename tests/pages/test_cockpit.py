@@ -1,22 +1,26 @@
-"""The cockpit's server: access, accepted commands, and the effect of silence."""
+"""The cockpit: access, accepted commands, the effect of silence, and its keys in a browser."""
 
 import json
+import multiprocessing
+import os
+import signal
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from http.client import HTTPConnection
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-import numpy as np
 import pytest
+from browser import chromium, tab
 from ports import free_port
 from walking_run import WALKING, eventually
 
 from footfall import Robot, UserError
 from footfall.deploy.modes import Mode
-from footfall.operate.inbox import Inbox
+from footfall.operate.inbox import Inbox, InboxConfig
 from footfall.pages.cockpit.freshness import MAX_ANSWER_S, Freshness
 
 pytest.importorskip("websockets")
@@ -26,50 +30,61 @@ from websockets.sync.client import ClientConnection, connect
 
 from footfall.pages.cockpit.beside import cockpit
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0  # for rendering in software on a busy machine
 STANDING = WALKING._replace(mode=Mode.STANDING)
+
+
+@contextmanager
+def serving(robot: Robot, feed: Path, inbox: Inbox | None = None) -> Iterator[SimpleNamespace]:
+    """A cockpit whose run has no feed, with the inbox that takes its commands."""
+    port, inbox = free_port(), inbox or Inbox()
+    with cockpit(inbox, "localhost", port, robot, feed) as (_, address):
+        token = parse_qs(urlsplit(address).query)["token"][0]
+        yield SimpleNamespace(inbox=inbox, port=port, token=token, address=address)
 
 
 @pytest.fixture(scope="module")
 def served(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
-    """A cockpit whose run has no feed, with the inbox that takes its commands."""
-    port, inbox = free_port(), Inbox()
-    with cockpit(inbox, "localhost", port, go1, tmp_path_factory.mktemp("none") / "feed") as (link, address):
-        token = parse_qs(urlsplit(address).query)["token"][0]
-        yield SimpleNamespace(
-            inbox=inbox, link=link, port=port, token=token, origin=f"http://localhost:{port}"
-        )
+    with serving(go1, tmp_path_factory.mktemp("none") / "feed") as served:
+        yield served
+
+
+def steering(served: SimpleNamespace, **changes: str) -> ClientConnection:
+    """A connection to the cockpit, with its own token and origin unless others are given."""
+    given: dict[str, Any] = {"token": served.token, "origin": f"http://localhost:{served.port}"} | changes
+    address = f"ws://localhost:{served.port}/steer?token={given['token']}"
+    return connect(address, origin=given["origin"])
 
 
 class Visitor:
     """A program that sends the same messages as the page."""
 
-    def __init__(self, served: SimpleNamespace, token: str | None = None, origin: str | None = None) -> None:
-        address = f"ws://localhost:{served.port}/steer?token={served.token if token is None else token}"
-        self.socket: ClientConnection = connect(address, origin=origin or served.origin)  # type: ignore[arg-type]
+    def __init__(self, served: SimpleNamespace) -> None:
+        self.socket = steering(served)
         self.number = 0
-        self.hear()
+        self.receive_state()
 
-    def hear(self) -> dict[str, Any]:
-        """The next state."""
-        while "challenge" not in (message := json.loads(self.socket.recv(PATIENCE_S))):
+    def message_with(self, key: str) -> dict[str, Any]:
+        """The next message that has this key."""
+        while key not in (message := json.loads(self.socket.recv(PATIENCE_S))):
             pass
-        self.challenge, self.name = message["challenge"], message["you"]
-        return message
+        return dict(message)
 
-    def ask(self, **message: Any) -> None:
+    def receive_state(self) -> None:
+        state = self.message_with("challenge")
+        self.challenge, self.name = state["challenge"], state["you"]
+
+    def send(self, **message: Any) -> None:
         self.number += 1
         self.socket.send(json.dumps({"number": self.number, "answer": self.challenge} | message))
 
     def refusal(self) -> str:
         """Reason for the refusal of the last message."""
-        while "refused" not in (message := json.loads(self.socket.recv(PATIENCE_S))):
-            pass
-        return str(message["refused"])
+        return str(self.message_with("refused")["refused"])
 
     def take_control(self, inbox: Inbox) -> None:
-        self.hear()
-        self.ask(do="take")
+        self.receive_state()
+        self.send(do="take")
         assert eventually(lambda: inbox.owner == self.name, PATIENCE_S)
 
 
@@ -101,45 +116,43 @@ class TestAccess:
         assert page_status(served, "/", Cookie=f"{kept}x")[0] == 403
         assert page_status(served, f"/?token={served.token}", Host="evil.example")[0] == 403
 
-    @pytest.mark.parametrize(
-        "wrong",
-        [
+    def test_other_pages_and_tokens_are_refused(self, served: SimpleNamespace) -> None:
+        for wrong in (
             {"token": ""},
             {"token": "guess"},
             {"origin": "http://evil.example"},
             {"origin": "http://localhost:1"},
-        ],
-    )
-    def test_other_pages_and_tokens_are_refused(self, served: SimpleNamespace, wrong: dict[str, str]) -> None:
-        with pytest.raises(InvalidStatus) as caught:
-            Visitor(served, **wrong)
-        assert caught.value.response.status_code == 403
+            {"origin": None},
+        ):
+            with pytest.raises(InvalidStatus) as caught:
+                steering(served, **wrong)
+            assert caught.value.response.status_code == 403
 
-    def test_a_connection_without_an_origin_is_refused(self, served: SimpleNamespace) -> None:
-        with pytest.raises(InvalidStatus):
-            connect(f"ws://localhost:{served.port}/steer?token={served.token}")
+
+def velocity_becomes(inbox: Inbox, velocity: list[float]) -> bool:
+    """Whether the owner's last requested velocity, of any age, is this one soon."""
+    return bool(eventually(lambda: inbox.poll(STANDING).velocity.tolist() == velocity, PATIENCE_S))
 
 
 class TestCommands:
     def test_the_owner_of_control_moves_the_robot(self, served: SimpleNamespace, visitor: Visitor) -> None:
-        visitor.ask(do="put", velocity=[0.3, 0.0, 0.1])
-        assert "take control" in visitor.refusal()
-        visitor.take_control(served.inbox)
-        visitor.ask(do="put", velocity=[0.3, 0.0, 0.1])
-        assert eventually(lambda: requested_velocity(served.inbox).tolist() == [0.3, 0.0, 0.1], PATIENCE_S)
+        def take_and_move(visitor: Visitor, velocity: list[float]) -> None:
+            visitor.send(do="put", velocity=velocity)
+            assert "take control" in visitor.refusal()
+            visitor.take_control(served.inbox)
+            visitor.send(do="put", velocity=velocity)
+            assert velocity_becomes(served.inbox, velocity)
+
+        take_and_move(visitor, [0.3, 0.0, 0.1])
         other = Visitor(served)
-        other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
-        assert "take control" in other.refusal()
-        other.take_control(served.inbox)
-        other.ask(do="put", velocity=[-0.5, 0.0, 0.0])
-        assert eventually(lambda: requested_velocity(served.inbox).tolist() == [-0.5, 0.0, 0.0], PATIENCE_S)
+        take_and_move(other, [-0.5, 0.0, 0.0])
         other.socket.close()  # at once, before the server has the owner of control
-        assert eventually(lambda: not requested_velocity(served.inbox).any(), PATIENCE_S)
+        assert velocity_becomes(served.inbox, [0.0, 0.0, 0.0])
 
     def test_old_or_wrong_requests_change_nothing(self, served: SimpleNamespace, visitor: Visitor) -> None:
         visitor.take_control(served.inbox)
-        visitor.ask(do="put", velocity=[0.2, 0.0, 0.0])
-        assert eventually(lambda: requested_velocity(served.inbox)[0] == 0.2, PATIENCE_S)
+        visitor.send(do="put", velocity=[0.2, 0.0, 0.0])
+        assert velocity_becomes(served.inbox, [0.2, 0.0, 0.0])
         for message in (
             {"number": 1, "answer": visitor.challenge},
             {"number": 99, "answer": visitor.challenge + 1},
@@ -153,37 +166,28 @@ class TestCommands:
             {"gait": {"a": 1}},
             {"settings": [1]},
         ):
-            visitor.hear()
-            visitor.ask(**({"do": "put", "velocity": [0.9, 0.0, 0.0]} | message))
+            visitor.receive_state()
+            visitor.send(**({"do": "put", "velocity": [0.9, 0.0, 0.0]} | message))
             assert visitor.refusal()
         for content in ("", "[]", "null", "{", '"put"', b"\xff"):
             visitor.socket.send(content)
             if isinstance(content, str):
                 assert visitor.refusal()
-        assert requested_velocity(served.inbox).tolist() == [0.2, 0.0, 0.0]
+        assert served.inbox.poll(STANDING).velocity.tolist() == [0.2, 0.0, 0.0]
 
     def test_a_stop_of_any_page_and_age_counts_and_is_repeated(self, go1: Robot, tmp_path: Path) -> None:
-        port, inbox = free_port(), Inbox()
-        with cockpit(inbox, "localhost", port, go1, tmp_path / "feed") as (_, address):
-            token = parse_qs(urlsplit(address).query)["token"][0]
-            here = SimpleNamespace(port=port, token=token, origin=f"http://localhost:{port}")
-            with Visitor(here).socket as stopping:
+        with serving(go1, tmp_path / "feed") as served:
+            inbox = served.inbox
+            with steering(served) as stopping:
                 for _ in range(5):
                     stopping.send('{"do": "stop"}')
-                assert eventually(lambda: inbox.stopped is not None, PATIENCE_S)
+                assert eventually(lambda: inbox.stopped, PATIENCE_S)
                 time.sleep(0.1)
-                assert inbox.stopped is not None
                 assert not inbox.stopped.damp
                 stopping.send('{"do": "stop", "damp": true}')
-                assert eventually(lambda: inbox.stopped is not None and inbox.stopped.damp, PATIENCE_S)
-            taken = cockpit(inbox, "localhost", port, go1, tmp_path)
-            with pytest.raises(UserError), taken:
+                assert eventually(lambda: inbox.stopped.damp, PATIENCE_S)
+            with pytest.raises(UserError), cockpit(inbox, "localhost", served.port, go1, tmp_path):
                 pytest.fail("the port is taken")
-
-
-def requested_velocity(inbox: Inbox) -> np.ndarray:
-    """The owner's last requested velocity, of any age."""
-    return inbox.poll(STANDING).velocity
 
 
 def test_a_command_with_a_long_transport_time_is_refused() -> None:
@@ -197,3 +201,60 @@ def test_a_command_with_a_long_transport_time_is_refused() -> None:
     assert "old" in fresh.refusal(2, challenge)  # delayed for too long
     assert fresh.refusal(2, fresh.challenge()) == ""
     assert fresh.round_trip_s == 0.0
+
+
+@pytest.fixture
+def opened(go1: Robot, tmp_path: Path) -> Iterator[SimpleNamespace]:
+    """The cockpit of a run that walks, in a browser that has control."""
+    if chromium() is None:
+        pytest.skip("needs Chromium")
+    inbox = Inbox(InboxConfig(lie_down_after_s=600.0))
+    inbox.poll(WALKING)
+    others = multiprocessing.active_children()
+    with serving(go1, tmp_path / "feed", inbox) as served, tab(tmp_path / "profile", 400, 800) as page:
+        page.go(served.address)
+        page.wait_for(lambda page: bool(page.value("!document.getElementById('take').disabled")))
+        page.wait_for(lambda page: bool(inbox.owner or page.value("document.getElementById('take').click()")))
+        (server,) = set(multiprocessing.active_children()) - set(others)
+        yield SimpleNamespace(page=page, inbox=inbox, server=server.pid)
+
+
+def test_a_motion_lasts_as_long_as_its_key_is_held(opened: SimpleNamespace) -> None:
+    page, inbox, key = opened.page, opened.inbox, {"code": "KeyW", "key": "w"}
+
+    def moves() -> bool:
+        return bool(inbox.poll(WALKING).velocity[0] > 0.0)
+
+    def hold() -> None:
+        page.ask("Input.dispatchKeyEvent", type="keyDown", **key)
+        assert eventually(moves, PATIENCE_S)
+
+    def stands() -> bool:
+        return bool(eventually(lambda: not inbox.poll(WALKING).velocity.any(), PATIENCE_S))
+
+    assert "token" not in page.value("location.href")
+    hold()
+    page.ask("Input.dispatchKeyEvent", type="keyUp", **key)
+    assert stands()
+    hold()
+    page.value("dispatchEvent(new Event('blur'))")
+    assert stands()
+    hold()
+    page.value("Object.defineProperty(document, 'hidden', {configurable: true, get: () => true})")
+    page.value("document.dispatchEvent(new Event('visibilitychange'))")
+    assert stands()
+    page.value("delete document.hidden")
+    assert not eventually(moves, 0.5)  # no key was pressed meanwhile
+    hold()
+
+    os.kill(opened.server, signal.SIGSTOP)  # the network stalls
+    assert stands()
+    page.wait_for(lambda page: "No connection" in page.text)
+    page.value("document.getElementById('stop').dispatchEvent(new PointerEvent('pointerdown'))")
+    os.kill(opened.server, signal.SIGCONT)  # the delayed messages arrive
+    assert eventually(lambda: inbox.stopped, PATIENCE_S)
+    page.wait_for(lambda page: "Stopped" in page.text)
+    assert stands()
+    assert page.value("document.documentElement.scrollWidth <= innerWidth")
+    assert page.errors == []
+    assert all(address.split("/")[2].startswith("localhost") for address in page.requested if "//" in address)

@@ -18,21 +18,21 @@ PLACE = np.array([3.0, -2.0, 0.30])
 
 
 class Drawing:
-    """Stands in for viser's scene: each thing that was added, by its name."""
+    """Stands in for viser's scene: each object that was added, by its name."""
 
     def __init__(self) -> None:
-        self.things: dict[str, SimpleNamespace] = {}
+        self.objects: dict[str, SimpleNamespace] = {}
 
     def __getattr__(self, method: str) -> Any:
         def add(name: str, *_: Any, visible: bool = True, **__: Any) -> SimpleNamespace:
-            return self.things.setdefault(name, SimpleNamespace(visible=visible, position=np.zeros(3)))
+            return self.objects.setdefault(name, SimpleNamespace(visible=visible, position=np.zeros(3)))
 
         return add
 
     def position(self, name: str) -> np.ndarray:
-        """Position of an object in the world frame, including that of its layers."""
+        """Position of an object in the world frame, which includes that of its layer."""
         layer = "/".join(name.split("/")[:2])
-        return self.things[layer].position + self.things[name].position
+        return self.objects[layer].position + self.objects[name].position
 
 
 @pytest.fixture
@@ -45,25 +45,16 @@ def marks(drawing: Drawing, go1: Robot) -> Marks:
     return Marks(SimpleNamespace(scene=drawing), go1, "w")  # type: ignore[arg-type]
 
 
-@pytest.fixture
-def moment(go1: Robot) -> Moment:
-    """A robot turned by 90 degrees to the left, on two feet.
-
-    A moment whose swinging feet include one with a planned foothold ahead of the base.
-    """
+def test_marks_are_where_the_robot_is(marks: Marks, drawing: Drawing, go1: Robot) -> None:
+    """The robot is turned by 90 degrees to the left, on two feet; a swinging foot has a planned foothold."""
     still, pose = np.zeros(3), go1.default_pose
     level = Rotation.from_euler("Z", 90, degrees=True).as_quat()[[3, 0, 1, 2]]
     sensed = Sensed(still, np.array([0, 0, 9.81]), level, pose, np.zeros(12), np.full(12, 2.0))
     footholds = np.full((4, 3), np.nan)
     footholds[1] = 0.2, 0.1, -0.3
-    return Moment(
-        1.0, PLACE, level, np.array([0.5, 0.0, 0.0]), still, sensed, np.array([1, 0, 0, 1]), footholds
-    )
-
-
-def test_marks_are_where_the_robot_is(marks: Marks, drawing: Drawing, moment: Moment) -> None:
-    marks.show(moment)
-    shown = drawing.things
+    velocity, contact = np.array([0.5, 0.0, 0.0]), np.array([1, 0, 0, 1])
+    marks.show(Moment(1.0, PLACE, level, velocity, still, sensed, contact, footholds))
+    shown = drawing.objects
     assert [shown[f"w/forces/contact_{k}"].visible for k in range(4)] == [True, False, False, True]
     assert [shown[f"w/feet/goal_{k}"].visible for k in range(4)] == [False, True, False, False]
     np.testing.assert_allclose(drawing.position("w/feet/goal_1"), [2.9, -1.8, 0.0], atol=1e-9)
@@ -84,4 +75,4 @@ def test_a_visitor_hides_a_layer(marks: Marks, drawing: Drawing) -> None:
     offer_layers(page, marks.layers)  # type: ignore[arg-type]
     page["Balance"].type(False)
     layers = ("feet", "forces", "balance")
-    assert [drawing.things[f"w/{layer}"].visible for layer in layers] == [True, True, False]
+    assert [drawing.objects[f"w/{layer}"].visible for layer in layers] == [True, True, False]

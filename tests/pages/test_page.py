@@ -1,4 +1,4 @@
-"""The server of the page: address, ends, and the command that starts it."""
+"""The server of the page: address, ends, and the processes that serve it."""
 
 import errno
 import os
@@ -11,39 +11,27 @@ from pathlib import Path
 
 import pytest
 from ports import free_port, listens, wait_until_served
+from refused import refusal_of
 from shell import Shell
 
 from footfall.common.errors import UserError
-from footfall.pages import page
+from footfall.pages import beside, page
 
 FREE, TAKEN, NOT_OURS, NO_IPV6 = 0, errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT
-
-
-def checked(monkeypatch: pytest.MonkeyPatch, *found: int) -> None:
-    """Check a host name with two addresses, each in a given state."""
-    answers = iter(found)
-    addresses = [
-        (socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("::1", 80, 0, 0)),
-        (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 80)),
-    ]
-    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: addresses[: len(found)])
-
-    def refusal(*_: object) -> OSError | None:
-        code = next(answers)
-        return OSError(code, os.strerror(code)) if code else None
-
-    monkeypatch.setattr(page, "_refusal", refusal)
-    page.check_page("lab", 80)
-
-
-@pytest.mark.parametrize("found", [(FREE,), (FREE, FREE), (NOT_OURS, FREE), (FREE, NO_IPV6), (NO_IPV6, FREE)])
-def test_one_free_address_is_enough(monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...]) -> None:
-    checked(monkeypatch, *found)
+ADDRESSES = [
+    (socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("::1", 80, 0, 0)),
+    (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 80)),
+]
 
 
 @pytest.mark.parametrize(
     ("found", "reason"),
     [
+        ((FREE,), None),
+        ((FREE, FREE), None),
+        ((NOT_OURS, FREE), None),
+        ((FREE, NO_IPV6), None),
+        ((NO_IPV6, FREE), None),
         ((TAKEN,), TAKEN),
         ((FREE, TAKEN), TAKEN),  # viser would quietly take another port for one of them
         ((TAKEN, FREE), TAKEN),
@@ -52,12 +40,17 @@ def test_one_free_address_is_enough(monkeypatch: pytest.MonkeyPatch, found: tupl
         ((NO_IPV6, NOT_OURS), NO_IPV6),
     ],
 )
-def test_taken_or_foreign_addresses_are_refused(
-    monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...], reason: int
+def test_one_free_address_is_enough_unless_another_is_taken(
+    monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...], reason: int | None
 ) -> None:
-    with pytest.raises(UserError) as caught:
-        checked(monkeypatch, *found)
-    assert f"lab:80: {os.strerror(reason)}" in str(caught.value)
+    """A host name has one or two addresses, each in a given state."""
+    refusals = [OSError(code, os.strerror(code)) if code else None for code in found]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: ADDRESSES[: len(found)])
+    monkeypatch.setattr(page, "_refusal", lambda *_: refusals.pop(0))
+    if reason is None:
+        page.check_page("lab", 80)
+    else:
+        assert f"lab:80: {os.strerror(reason)}" in refusal_of(page.check_page, "lab", 80)
 
 
 def test_viser_is_an_extra(shell: Shell, finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,9 +78,46 @@ def test_a_page_ends_quietly(finished: Path, number: signal.Signals, delay_s: fl
 
 
 def test_beside_a_training_it_lasts_as_long_as_the_training(begun: Path) -> None:
-    from footfall.pages.beside import watched
-
     port = free_port()
-    with watched(begun, "localhost", port):
+    with beside.watched(begun, "localhost", port):
         wait_until_served(port)
     assert not listens(port)
+
+
+def test_the_reason_for_the_pages_end_is_reported_although_its_output_is_discarded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def watch(*_: object) -> None:
+        print("a library's greeting")
+        raise UserError("port 8080 is taken")
+
+    monkeypatch.setattr("footfall.pages.walk.watch", watch)
+    monkeypatch.setattr(beside, "end_with_parent", lambda: None)
+    monkeypatch.setattr(os, "nice", lambda _: 0)
+    beside._serve(tmp_path, "localhost", 8080)
+    assert capsys.readouterr() == ("", "footfall: the page ended: port 8080 is taken\n")
+
+
+RUN = """
+import sys, time
+from pathlib import Path
+from footfall.pages.run_page import viewed
+from footfall.robots.description import load_robot
+
+if __name__ == "__main__":
+    with viewed(load_robot("go1"), Path(sys.argv[1]), "localhost", int(sys.argv[2])):
+        time.sleep(600.0)
+"""
+
+
+def test_a_killed_run_takes_its_page_with_it_so_that_the_next_run_has_the_port(tmp_path: Path) -> None:
+    port, script = free_port(), tmp_path / "run.py"
+    script.write_text(RUN)
+    run = subprocess.Popen([sys.executable, script, tmp_path / "feed", str(port)])
+    try:
+        wait_until_served(port)
+        run.kill()
+        wait_until_served(port, False)
+    finally:
+        run.kill()
+        run.wait()

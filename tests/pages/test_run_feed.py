@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from walking_run import eventually
 
-from footfall import Episode, Robot, load_policy, load_robot, run_episode
+from footfall import Episode, Robot, load_policy, run_episode
 from footfall.deploy.config import deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.pages.cockpit.joints import JointNames, joint_figures
+from footfall.pages.live import PosedModel
 from footfall.pages.run_feed import RunFeed, newest_moment, sensed
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.readings import Sensed
@@ -26,10 +27,9 @@ def same(read: Sensed | None, true: Sensed) -> bool:
 def seen(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     """The state of a walk at one time, by its feed and by the simulation."""
     path = tmp_path_factory.mktemp("run") / "feed"
-    feed, robot = RunFeed(path), load_robot("go1")
+    feed, policy = RunFeed(path), load_policy("trot", go1)
     found = SimpleNamespace(feed=feed)
-    policy = load_policy("trot", robot)
-    joints = JointNames(robot.joint_names, robot.motor.peak_torque.tolist())
+    joints = JointNames(go1.joint_names, go1.motor.peak_torque.tolist())
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
         if loop.walking and loop.walking_s >= 0.59 and not hasattr(found, "truth"):
@@ -40,8 +40,8 @@ def seen(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespac
             found.policy = feed.fact("policy")
 
     command = np.array([0.4, 0.0, 0.2])
-    config = replace(deploy_config(robot), odometry=True)
-    run_episode(robot, policy, Episode(lambda _: command, 0.7, feed=path, config=config), watch)
+    config = replace(deploy_config(go1), odometry=True)
+    run_episode(go1, policy, Episode(lambda _: command, 0.7, feed=path, config=config), watch)
     assert eventually(lambda: feed.ended, PATIENCE_S)
     return found
 
@@ -60,10 +60,7 @@ def test_a_moment_has_the_robots_pose_and_motion(seen: SimpleNamespace) -> None:
 
 
 def test_the_view_puts_its_feet_on_the_ground(seen: SimpleNamespace, go1: Robot) -> None:
-    pytest.importorskip("viser")
-    from footfall.pages.live import PosedModel
-
-    pose = PosedModel(load_robot("go1"))
+    pose = PosedModel(go1)
     placed = pose.set_moment(seen.moment)
     assert placed.position[2] == pytest.approx(seen.truth.base_position[2], abs=0.02)
     base = pose.data.body(go1.description.base)

@@ -1,24 +1,26 @@
-"""The robot that walks on the page: pace, commands, pushes, restarts."""
+"""The robot that walks on the page: pace, commands, pushes, restarts, status text."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from footfall import Episode, Robot, run_episode
+from footfall.deploy.loop import ControlLoop
 from footfall.pages import walk
-from footfall.pages.metrics_file import MetricsFile
 from footfall.pages.moment import Moment
 from footfall.pages.newest_policy import NewestPolicy
 from footfall.pages.snapshots import NEWEST, Snapshot
+from footfall.pages.status import WAITING, Status, as_markdown
 from footfall.pages.walk import Pace, Walk
 from footfall.policies.learned import open_network
 from footfall.policies.observation import observation_size
 from footfall.policies.registry import ZOO
-from footfall.robots.commands import CommandRange
 from footfall.train.runs.folder import open_run
 
 POLICY = ZOO / "go1-flat" / "policy.onnx"
@@ -37,9 +39,7 @@ class TestPace:
         monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
         return clock
 
-    def test_lost_or_paused_time_is_skipped_and_the_speed_factor_restarts(
-        self, clock: SimpleNamespace
-    ) -> None:
+    def test_lost_time_is_skipped_and_the_speed_factor_restarts(self, clock: SimpleNamespace) -> None:
         pace = Pace()
         assert pace.factor == 1.0
         pace.wait(0.5)
@@ -69,17 +69,21 @@ class TestPace:
 
 
 class Visitor:
-    """A fake page whose visitor acts after each frame; its clock advances while the walk waits."""
+    """A fake page and run whose visitor acts after each frame; its clock advances while the walk waits."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s, self.frames, self.texts = 1000.0, 0, [""]
         self.shown: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # base velocity, command, velocity
         self.command = np.array([0.5, 0.0, 0.0])
         self.paused, self.follow, self.visited, self.policy = False, True, True, NEWEST
-        self.push, self.restart, self.starts, self.polls = 0.0, False, 0, 0
+        self.push, self.restart = 0.0, False
         self.ready: list[Snapshot] = [Snapshot(POLICY, 3)]
         self.problem, self.exporting, self.requested = "", None, False
         self.offered: list[Any] = []
+        self.offer_commands = self.offer_policies = self.offered.append
+        self.show_status = self.texts.append
+        self.names, self.begin, self.draw = (lambda: ["a name"]), Mock(), Mock()
+        self.poll = Mock(side_effect=lambda: self.ready.pop(0) if self.ready else None)
         self.after_frame: Callable[[int], None] = lambda frame: None
         monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: self.now_s, sleep=self.sleep))
 
@@ -94,28 +98,6 @@ class Visitor:
     def take_restart(self) -> bool:
         restart, self.restart = self.restart, False
         return restart
-
-    def offer_commands(self, ranges: CommandRange) -> None:
-        self.offered.append(ranges)
-
-    def offer_policies(self, names: list[str]) -> None:
-        self.offered.append(names)
-
-    def draw(self, metrics: MetricsFile, finished: bool) -> None:
-        self.finished = finished
-
-    def show_status(self, text: str) -> None:
-        self.texts.append(text)
-
-    def names(self) -> list[str]:
-        return ["a name"]
-
-    def poll(self) -> Snapshot | None:
-        self.polls += 1
-        return self.ready.pop(0) if self.ready else None
-
-    def begin(self) -> None:
-        self.starts += 1
 
     def show(self, data: Any, moment: Moment, velocity: np.ndarray, follow: bool) -> None:
         self.frames += 1
@@ -145,7 +127,7 @@ class TestWalk:
             if frame == 150:
                 visitor.command = np.array([0.3, 0.0, 0.0])
 
-        visitor.after_frame, visitor.max_frames = push, 230
+        visitor.after_frame = push
         visitor.walk(finished, go1)
         np.testing.assert_allclose([np.hypot(x, y) for x, y, _ in pushes], 1.5, atol=0.5)
         directions = np.arctan2(*np.array(pushes)[:, 1::-1].T)
@@ -153,22 +135,20 @@ class TestWalk:
         _, command, velocity = visitor.shown[199]
         assert command is visitor.command
         np.testing.assert_allclose(velocity, [0.4, 0.0, 0.0], atol=0.15)  # smoothed
-        assert visitor.starts == 2
+        assert visitor.begin.call_count == 2
         assert len(visitor.texts) < visitor.frames / 20  # the walk checks once a second
         assert visitor.now_s == pytest.approx(1000.0 + 0.033 * visitor.frames, abs=0.2)
 
-    def test_newer_policies_replace_the_walking_policy(
-        self, visitor: Visitor, finished: Path, go1: Robot, tmp_path: Path, own_folder: Path
+    def test_newer_policies_replace_the_old(
+        self, visitor: Visitor, finished: Path, go1: Robot, tmp_path: Path
     ) -> None:
         """A policy with another contract changes nothing except the message."""
-        other = tmp_path / "other.onnx"
-        other.write_bytes(b"no policy")
-        visitor.ready += [Snapshot(POLICY, 5), Snapshot(other, 6)]
-        visitor.max_frames = 130
+        (tmp_path / "other.onnx").write_bytes(b"no policy")
+        visitor.ready += [Snapshot(POLICY, 5), Snapshot(tmp_path / "other.onnx", 6)]
         visitor.walk(finished, go1)
         assert "of iteration 5," in visitor.texts[-1]
         assert "Not usable" in visitor.texts[-1]
-        assert visitor.polls > 3
+        assert visitor.poll.call_count > 3
         assert [each for each in visitor.offered if each != ["a name"]] == [open_network(POLICY)[1].commands]
 
 
@@ -176,17 +156,17 @@ class TestNewestPolicy:
     def test_a_new_network_continues_the_state_of_the_old_one(self, go1: Robot) -> None:
         """With the same network the outputs do not change: history, last action and clock continue."""
 
-        def walk(replace: bool) -> np.ndarray:
+        def walk(replaced: bool) -> np.ndarray:
             policy = NewestPolicy(POLICY, go1)
 
-            def watch(loop, _) -> None:
-                if replace and round(loop.walking_s * 500) == 200:
+            def watch(loop: ControlLoop, _: object) -> None:
+                if replaced and round(loop.walking_s * 500) == 200:
                     policy.replace_network(POLICY)
 
             episode = Episode(lambda _: np.array([0.5, 0.0, 0.0]), 1.0)
             return run_episode(go1, policy, episode, watch).qpos
 
-        assert np.array_equal(walk(replace=True), walk(replace=False))
+        assert np.array_equal(walk(replaced=True), walk(replaced=False))
 
     def test_after_the_change_the_new_network_decides(self, go1: Robot, tmp_path: Path) -> None:
         onnx = pytest.importorskip("onnx")
@@ -200,3 +180,32 @@ class TestNewestPolicy:
         session.replace_network(other)
         action = session.network(np.ones(shape[0], np.float32))
         np.testing.assert_allclose(action, 0.1 * weights.sum(axis=0), rtol=1e-4, atol=1e-4)
+
+
+WALKING = Status("go1", "runs/mine", 2000, 10, trained_steps=500, metrics_age_s=3.0, iteration=30, policies=1)
+
+
+def test_the_awaited_policy_is_shown() -> None:
+    nothing = replace(WALKING, policies=0, iteration=None, metrics_age_s=None)
+    assert WAITING in as_markdown(nothing)
+    assert "Policy" not in as_markdown(nothing)
+    assert "1,200" in as_markdown(replace(nothing, exporting=1200))
+
+
+def test_a_training_without_news_for_two_minutes_is_reported_unless_finished() -> None:
+    for age_s, finished, quiet in ((120.0, False, False), (120.1, False, True), (999.0, True, False)):
+        text = as_markdown(replace(WALKING, metrics_age_s=age_s, finished=finished))
+        assert ("train --resume runs/mine" in text) is quiet
+    done = as_markdown(replace(WALKING, finished=True, trained_steps=2000, metrics_age_s=7300.0))
+    assert "2,000 steps, 2 h" in done
+
+
+def test_the_status_shows_the_walking_policy_and_its_tracking_error() -> None:
+    status = replace(
+        WALKING, command=np.array([0.5, 0.0, 0.0]), velocity=np.array([0.42, -0.01, 0.0]), mode="WALKING",
+        episodes=4, falls=3, last_fall="the base tilted", walked_s=12.0, restart_s=60.0,
+    )  # fmt: skip
+    text = as_markdown(status)
+    facts = ("500 of 2,000 steps (25%)", "iteration 30", "+0.42 of +0.50 m/s", "3 in 4", "the base tilted")
+    assert [fact for fact in (*facts, "12 of 60 s") if fact not in text] == []
+    assert WAITING not in text
