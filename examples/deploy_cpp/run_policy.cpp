@@ -13,6 +13,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <onnxruntime_cxx_api.h>
+#include <sstream>
 
 using Vector = std::vector<double>;
 void run(const char* path) {
@@ -34,8 +35,13 @@ void run(const char* path) {
     const Vector offset = gait.value("phase", Vector(n)), amplitude = gait.value("amplitude_rad", Vector(n));
     std::map<std::string, std::deque<Vector>> history;  // latest values of each term, oldest first
     Vector action(n), line(4 + 3 + 2 * n + 3);
-    for (long step = 0;; ++step) {
-        for (double& number : line) if (!(std::cin >> number)) return;
+    std::string typed;
+    for (long step = 0; std::getline(std::cin, typed); ++step) {
+        std::istringstream numbers(typed);
+        for (double& number : line) numbers >> number;
+        if (!numbers || !(numbers >> std::ws).eof())  // numbers of another line would become other readings
+            throw std::runtime_error(
+                "line " + std::to_string(step + 1) + ": expected " + std::to_string(line.size()) + " numbers");
         const double w = line[0], x = line[1], y = line[2], z = line[3];
         const auto position = line.begin() + 7, velocity = position + n, command = velocity + n;
         for (size_t j = 0; j < n; ++j) position[j] -= pose[j];

@@ -118,3 +118,13 @@ def test_an_unknown_term_is_refused_by_name(program: Path, contract: Contract, t
     done = subprocess.run([program, path], input="0 " * 34, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "lidar" in done.stderr
+
+
+@pytest.mark.parametrize("second", ["0 " * 33, "0 " * 35, "0 " * 33 + "nan", "0 " * 33 + "x", ""])
+def test_a_line_that_is_not_all_numbers_of_a_step_is_refused(program: Path, second: str) -> None:
+    """Otherwise numbers of one line would be read as those of another."""
+    text = input_line(random_steps(load_robot("go1"))[0]) + second + "\n"
+    arguments = [program, ZOO / "go1-flat" / "policy.onnx"]
+    done = subprocess.run(arguments, input=text, capture_output=True, text=True, check=False)
+    assert (done.returncode, len(done.stdout.splitlines())) == (2, 1)
+    assert "line 2" in done.stderr
