@@ -1,17 +1,24 @@
-"""Feet and limits of the gait generator at single times, calculated by hand."""
+"""Feet, limits, sway and contact of the gait generator at single times, calculated by hand."""
 
-from typing import ClassVar
+import math
 
 import numpy as np
 import pytest
+from moments import readings
 
 from footfall.policies.controllers.gait import GaitTiming
 from footfall.policies.controllers.walk.config import LimitsConfig
 from footfall.policies.controllers.walk.feet import FootCycle, stances, steady_cycle
 from footfall.policies.controllers.walk.foot import Foot, Footing, blend, lift
+from footfall.policies.controllers.walk.ground import GroundForce
 from footfall.policies.controllers.walk.limits import SteadyWalk, WalkLimits
-from footfall.policies.controllers.walk.sway import SwayPlan
+from footfall.policies.controllers.walk.sway import Sway, SwayPlan, plan_sway, sine_at
+from footfall.policies.gaits import find_gait
+from footfall.robots.actuator import friction_torque
 from footfall.robots.description import load_robot
+from footfall.robots.readings import Sensed
+from footfall.robots.rigid_body import nominal_body
+from footfall.robots.support import support_margin
 
 TIMING = GaitTiming(period_s=2.0, duty=0.6)  # stands for 1.2 s, swings for 0.8 s
 FEET = np.array([[0.3, 0.2, 0.0], [-0.2, -0.1, 0.0]])
@@ -21,6 +28,15 @@ BOTH = (True, True)
 REST = [0.0, 0.0, 0.0]
 VELOCITY = np.array([0.1, -0.05, 0.2])
 PASSING = np.array([[0.1 - 0.04, -0.05 + 0.06, 0.0], [0.1 + 0.02, -0.05 - 0.04, 0.0]])  # v + w x r
+
+HEXAPOD = load_robot("hexapod")
+LEGS, BODY, POSE = HEXAPOD.legs, nominal_body(HEXAPOD), HEXAPOD.default_pose
+FLAT = LEGS.default_foot * [1.0, 1.0, 0.0]
+
+
+@pytest.fixture
+def cycle() -> FootCycle:
+    return FootCycle(FOOTING, TIMING, OFFSETS)
 
 
 def test_a_blend_is_at_rest_at_both_ends_and_a_lift_as_well() -> None:
@@ -33,172 +49,159 @@ def test_a_steady_stance_moves_backward_with_the_ground() -> None:
     """At clock 0.15 the first foot has completed a quarter of its stance; the other is in the air."""
     (first, second) = stances(FOOTING, TIMING, OFFSETS, VELOCITY, np.array([0.15, 0.55]))
     np.testing.assert_allclose(first, (FEET + 0.25 * 1.2 * PASSING)[:1, :2])
-    through = (0.55 / 0.6, 0.05 / 0.6)
-    expected = [FEET[k] + (0.5 - through[k]) * 1.2 * PASSING[k] for k in range(2)]
-    np.testing.assert_allclose(second, np.array(expected)[:, :2])
+    share = 0.5 - np.array([[0.55], [0.05]]) / 0.6
+    np.testing.assert_allclose(second, (FEET + share * 1.2 * PASSING)[:, :2])
 
 
-def lift_feet(cycle: FootCycle, *feet: int) -> None:
-    for foot in feet:
-        cycle.each_foot[foot].lift_off(0.03)
+def test_a_rolling_foots_stance_is_symmetric_about_its_position() -> None:
+    """The foot moves at its share of v + w x r."""
+    askew = Footing(FEET, np.tile(np.array([[0.9, 0.1], [0.2, 0.8]]), (2, 1, 1)))
+    ends = steady_cycle(askew, TIMING, np.array([0.1, 0.0, 0.0]), 0.0, np.array([0.0, 1.0]))
+    np.testing.assert_allclose(ends.mean(axis=0), FEET, atol=1e-12)
+    np.testing.assert_allclose((ends[1] - ends[0])[:, :2], np.tile([0.9 * 0.12, 0.2 * 0.12], (2, 1)))
+    half = Footing(FEET, np.tile(0.5 * np.eye(2), (2, 1, 1)))
+    np.testing.assert_allclose(half.passing_velocity(VELOCITY, FEET[:, :2]), 0.5 * PASSING[:, :2])
 
 
-class TestRolling:
-    def test_a_stance_is_symmetric_about_the_foots_position_for_any_rolling(self) -> None:
-        askew = Footing(FEET, np.tile(np.array([[0.9, 0.1], [0.2, 0.8]]), (2, 1, 1)))
-        forward = np.array([0.1, 0.0, 0.0])
-        ends = steady_cycle(askew, TIMING, forward, 0.0, np.array([0.0, 1.0]))
-        np.testing.assert_allclose(ends.mean(axis=0), FEET, atol=1e-12)
-        np.testing.assert_allclose((ends[1] - ends[0])[:, :2], np.tile([0.9 * 0.12, 0.2 * 0.12], (2, 1)))
+def test_a_swinging_foot_is_between_two_points_that_move_with_the_ground() -> None:
+    """At three quarters of the swing the blend is 459 / 512, the lift is half, and 0.2 s are left.
 
-    def test_a_rolling_foot_moves_at_its_share_of_v_plus_w_x_r(self) -> None:
-        half = Footing(FEET, np.tile(0.5 * np.eye(2), (2, 1, 1)))
-        np.testing.assert_allclose(half.passing_velocity(VELOCITY, FEET[:, :2]), 0.5 * PASSING[:, :2])
-
-
-class TestFoot:
-    """One rolling foot under a body that moves ahead and to the right, and turns left."""
-
-    ROLLING: ClassVar = [[0.9, 0.05], [-0.02, 0.8]]
-    HERE = np.array([0.25, 0.23])
-
-    @pytest.fixture
-    def foot(self) -> Foot:
-        foot = Foot([0.3, 0.2], self.ROLLING)
-        foot.x, foot.y, foot.z = *self.HERE.tolist(), 0.01
-        return foot
-
-    def passing(self, point: np.ndarray) -> np.ndarray:
-        return np.array(self.ROLLING) @ (VELOCITY[:2] + np.cross([0.0, 0.0, 0.2], [*point, 0.0])[:2])
-
-    def test_a_swinging_foot_is_between_two_points_that_move_with_the_ground(self, foot: Foot) -> None:
-        """At three quarters of the swing the blend is 459 / 512, the lift is half, and 0.2 s are left."""
-        foot.lift_off(0.04)
-        foot.fly(VELOCITY.tolist(), 0.5, 0.75, TIMING)
-        left = self.HERE - 0.5 * self.passing(self.HERE)
-        nominal = np.array([0.3, 0.2])
-        stance = nominal + 0.6 * self.passing(nominal)
-        share = 459 / 512
-        way = stance + 0.2 * self.passing(stance) - left
-        assert (foot.x, foot.y) == pytest.approx(tuple(left + share * way))
-        assert foot.z == pytest.approx((1 - share) * 0.01 + 0.5 * 0.04)
-        assert foot.progress == 0.75
-        foot.fly(VELOCITY.tolist(), 0.1, 1.0, TIMING)
-        assert (foot.x, foot.y, foot.z) == pytest.approx((*stance, 0.0))
-
-
-class TestCycle:
-    @pytest.fixture
-    def cycle(self) -> FootCycle:
-        return FootCycle(FOOTING, TIMING, OFFSETS)
-
-    def test_a_foot_lifts_off_at_its_duty_and_lands_at_the_cycles_end(self, cycle: FootCycle) -> None:
-        cycle.advance(REST, 1.19, 0.04, BOTH)
-        assert cycle.swings.tolist() == [False, False]
-        cycle.advance(REST, 0.41, 0.04, BOTH)
-        assert cycle.swings.tolist() == [True, False]
-        np.testing.assert_allclose(cycle.progress, [0.5, 0.0])
-        np.testing.assert_allclose(cycle.feet, FEET + np.outer([1.0, 0.0], [0.0, 0.0, 0.04]), atol=1e-9)
-        cycle.advance(REST, 0.41, 0.04, BOTH)
-        assert cycle.swings.tolist() == [False, False]
-        assert cycle.progress.tolist() == [0.0, 0.0]
-        np.testing.assert_allclose(cycle.feet, FEET, atol=1e-12)
-
-    def test_after_a_reset_all_feet_are_at_their_nominal_positions(self, cycle: FootCycle) -> None:
-        for _ in range(14):
-            cycle.advance(VELOCITY.tolist(), 0.1, 0.04, BOTH)
-        assert cycle.swings.any()
-        cycle.reset()
-        assert (cycle.clock, cycle.swings.any(), cycle.progress.any()) == (0.0, False, False)
-        np.testing.assert_array_equal(cycle.feet, FEET)
-
-    @pytest.mark.parametrize("seed", range(20))
-    def test_a_new_gait_begins_with_the_smallest_travel(self, cycle: FootCycle, seed: int) -> None:
-        """All 24 clocks are tried. The body's rotation counts in the past, not in the future."""
-        rng = np.random.default_rng(seed)
-        timing, offsets = GaitTiming(float(rng.uniform(0.3, 3.0)), 0.6), rng.uniform(size=2)
-        velocity = [*rng.uniform(-0.2, 0.2, 2).tolist(), float(rng.uniform(-2.0, 2.0))]
-        for foot in cycle.each_foot:
-            foot.x += float(rng.uniform(-0.1, 0.1))
-        worst = []
-        for clock in np.arange(24) / 24:
-            waits_s = (0.6 - clock - offsets) % 1.0 * timing.period_s
-            travel = [foot.travel(velocity) for foot in cycle.each_foot]
-            worst.append(max(np.array(travel) + np.hypot(*velocity[:2]) * waits_s))
-        cycle.change_gait(timing, offsets, velocity)
-        assert cycle.clock == np.argmin(worst) / 24
-
-    def test_only_standing_feet_are_lowered_and_only_to_the_limit(self, cycle: FootCycle) -> None:
-        cycle.lower([True, False], 0.004, -0.01)
-        np.testing.assert_allclose(cycle.feet[:, 2], [-0.004, 0.0])
-        for _ in range(3):
-            cycle.lower([True, False], 0.004, -0.01)
-        np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
-        lift_feet(cycle, 1)
-        cycle.lower([True, True], 0.004, -0.01)
-        np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
-        cycle.lower([True, True], 0.004, -0.002)  # no foot is raised to a higher bound
-        np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
-
-    @pytest.mark.parametrize(
-        ("above_m", "stands_m"),
-        [(0.012, 0.012), (0.0, 0.0), (-0.01, 0.0), (0.1, 0.03)],  # a swing of 3 cm meets no ground above it
+    The foot rolls, under a body that moves ahead and to the right, and turns left.
+    """
+    rolling, nominal, here, share = (
+        [[0.9, 0.05], [-0.02, 0.8]],
+        np.array([0.3, 0.2]),
+        np.array([0.25, 0.23]),
+        459 / 512,
     )
-    def test_early_touch_down_is_on_ground(self, cycle: FootCycle, above_m: float, stands_m: float) -> None:
-        """The planned height of the foot does not matter, because the body may be tilted."""
-        lift_feet(cycle, 1)
-        cycle.each_foot[0].z, cycle.each_foot[1].z = -0.002, 0.02
-        cycle.touch_down(np.array([False, True]), np.array([-0.3, -0.298 + above_m]))
-        np.testing.assert_allclose(cycle.feet[:, 2], [-0.002, stands_m], atol=1e-12)
 
-    def test_a_touch_down_without_standing_feet_keeps_its_height(self, cycle: FootCycle) -> None:
-        lift_feet(cycle, 0, 1)
-        cycle.each_foot[1].z = 0.02
-        cycle.touch_down(np.array([False, True]), np.array([-0.4, -0.3]))
-        assert cycle.feet[1, 2] == pytest.approx(0.02)
+    def passing(point: np.ndarray) -> np.ndarray:
+        return np.array(rolling) @ (VELOCITY[:2] + np.cross([0.0, 0.0, 0.2], [*point, 0.0])[:2])
 
-    def test_the_clock_runs_a_cycle_in_a_period(self, cycle: FootCycle) -> None:
-        cycle.advance(REST, 0.5, 0.04, BOTH)
-        assert cycle.clock == pytest.approx(0.25)
-        np.testing.assert_allclose(cycle.phases(), [0.25, 0.75])
-        for _ in range(4):
+    foot = Foot(nominal.tolist(), rolling)
+    foot.x, foot.y, foot.z = *here.tolist(), 0.01
+    foot.lift_off(0.04)
+    foot.fly(VELOCITY.tolist(), 0.5, 0.75, TIMING)
+    left = here - 0.5 * passing(here)
+    stance = nominal + 0.6 * passing(nominal)
+    assert (foot.x, foot.y) == pytest.approx(tuple(left + share * (stance + 0.2 * passing(stance) - left)))
+    assert foot.z == pytest.approx((1 - share) * 0.01 + 0.5 * 0.04)
+    assert foot.progress == 0.75
+    foot.fly(VELOCITY.tolist(), 0.1, 1.0, TIMING)
+    assert (foot.x, foot.y, foot.z) == pytest.approx((*stance, 0.0))
+
+
+def test_a_foot_lifts_off_at_its_duty_and_lands_at_the_cycles_end(cycle: FootCycle) -> None:
+    for dt_s, swings, progress in ((1.19, False, 0.0), (0.41, True, 0.5), (0.41, False, 0.0)):
+        cycle.advance(REST, dt_s, 0.04, BOTH)
+        assert cycle.swings.tolist() == [swings, False]
+        np.testing.assert_allclose(cycle.progress, [progress, 0.0])
+        np.testing.assert_allclose(cycle.feet, FEET + np.outer([swings, False], [0.0, 0.0, 0.04]), atol=1e-9)
+
+
+def test_after_a_reset_all_feet_are_at_their_nominal_positions(cycle: FootCycle) -> None:
+    for _ in range(14):
+        cycle.advance(VELOCITY.tolist(), 0.1, 0.04, BOTH)
+    assert cycle.swings.any()
+    cycle.reset()
+    assert (cycle.clock, cycle.swings.any(), cycle.progress.any()) == (0.0, False, False)
+    np.testing.assert_array_equal(cycle.feet, FEET)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_new_gait_begins_with_the_smallest_travel(cycle: FootCycle, seed: int) -> None:
+    """All 24 clocks are tried. The body's rotation counts in the past, not in the future."""
+    rng = np.random.default_rng(seed)
+    timing, offsets = GaitTiming(float(rng.uniform(0.3, 3.0)), 0.6), rng.uniform(size=2)
+    velocity = [*rng.uniform(-0.2, 0.2, 2).tolist(), float(rng.uniform(-2.0, 2.0))]
+    for foot in cycle.each_foot:
+        foot.x += float(rng.uniform(-0.1, 0.1))
+    waits_s = (0.6 - np.arange(24)[:, None] / 24 - offsets) % 1.0 * timing.period_s
+    travel = np.array([foot.travel(velocity) for foot in cycle.each_foot]) + np.hypot(*velocity[:2]) * waits_s
+    cycle.change_gait(timing, offsets, velocity)
+    assert cycle.clock == np.argmin(travel.max(axis=1)) / 24
+
+
+def test_only_standing_feet_are_lowered_and_only_to_the_limit(cycle: FootCycle) -> None:
+    cycle.lower([True, False], 0.004, -0.01)
+    np.testing.assert_allclose(cycle.feet[:, 2], [-0.004, 0.0])
+    for _ in range(3):
+        cycle.lower([True, False], 0.004, -0.01)
+    np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
+    cycle.each_foot[1].lift_off(0.03)
+    for lowest_m in (-0.01, -0.002):  # no foot is raised to a higher bound
+        cycle.lower([True, True], 0.004, lowest_m)
+        np.testing.assert_allclose(cycle.feet[:, 2], [-0.01, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("above_m", "stands_m"),
+    [(0.012, 0.012), (0.0, 0.0), (-0.01, 0.0), (0.1, 0.03)],  # a swing of 3 cm meets no ground above it
+)
+def test_early_touch_down_is_on_ground(cycle: FootCycle, above_m: float, stands_m: float) -> None:
+    """The planned height of the foot does not matter, because the body may be tilted."""
+    cycle.each_foot[1].lift_off(0.03)
+    cycle.each_foot[0].z, cycle.each_foot[1].z = -0.002, 0.02
+    cycle.touch_down(np.array([False, True]), np.array([-0.3, -0.298 + above_m]))
+    np.testing.assert_allclose(cycle.feet[:, 2], [-0.002, stands_m], atol=1e-12)
+
+
+def test_a_touch_down_without_standing_feet_keeps_its_height(cycle: FootCycle) -> None:
+    for foot in cycle.each_foot:
+        foot.lift_off(0.03)
+    cycle.each_foot[1].z = 0.02
+    cycle.touch_down(np.array([False, True]), np.array([-0.4, -0.3]))
+    assert cycle.feet[1, 2] == pytest.approx(0.02)
+
+
+def test_the_clock_runs_a_cycle_in_a_period(cycle: FootCycle) -> None:
+    for ticks in (1, 4):
+        for _ in range(ticks):
             cycle.advance(REST, 0.5, 0.04, BOTH)
-        assert cycle.clock == pytest.approx(0.25)
+        np.testing.assert_allclose([cycle.clock, *cycle.phases()], [0.25, 0.25, 0.75])
+
+
+@pytest.mark.parametrize("gait", ["tripod", "ripple", "wave"])
+def test_position_and_velocity_are_continuous(gait: str) -> None:
+    """A swing of this length and height accelerates by at most 5 m/s^2: 0.005 m/s in a millisecond."""
+    duty, phase = find_gait(gait, HEXAPOD)
+    points, positions = Footing(FLAT, np.tile(np.eye(2), (6, 1, 1))), []
+    feet = FootCycle(points, GaitTiming(1.3, duty), phase)
+    for _ in range(4000):
+        feet.advance([0.08, -0.05, 0.2], 0.001, 0.03, [True] * 6)
+        positions.append(feet.feet.copy())
+    limit = (0.03 * 2 * np.pi**2 + 5.8 * 0.12) / feet.timing.swing_s**2
+    assert np.abs(np.diff(positions, 2, axis=0)).max() / 0.001**2 < 1.5 * limit
+    assert np.abs(np.diff(positions, axis=0)).max() < 0.002
 
 
 class TestLimits:
     """Joint speeds of a steady walk of the hexapod, compared with a finely sampled walk."""
 
-    ROBOT = load_robot("hexapod")
-    TIMING = GaitTiming(1.0, 0.65)
-    SWAY = SwayPlan(np.array([0.01 + 0.02j, 0.03j]), np.zeros(2, complex))
-
     def steady(self, velocity: tuple[float, float, float], height_m: float = 0.2) -> SteadyWalk:
-        legs = self.ROBOT.legs
-        nominal_feet = legs.default_foot * [1.0, 1.0, 0.0]
-        footing = Footing(nominal_feet, np.tile(np.diag([0.9, 0.8]), (6, 1, 1)))
-        offsets, below = np.arange(6) / 6, height_m - legs.foot_radius
-        return SteadyWalk(footing, self.TIMING, offsets, np.array(velocity), 0.03, self.SWAY, below)
+        footing = Footing(FLAT, np.tile(np.diag([0.9, 0.8]), (6, 1, 1)))
+        sway = SwayPlan(np.array([0.01 + 0.02j, 0.03j]), np.zeros(2, complex))
+        timing, offsets, below_m = GaitTiming(1.0, 0.65), np.arange(6) / 6, height_m - LEGS.foot_radius
+        return SteadyWalk(footing, timing, offsets, np.array(velocity), 0.03, sway, below_m)
 
     def angles(self, walk: SteadyWalk, samples: int) -> tuple[np.ndarray, float]:
         """All joint angles during each foot's swing, and the largest distance of a tip from its position."""
-        legs, progress = self.ROBOT.legs, np.linspace(0.0, 1.0, samples)
+        progress = np.linspace(0.0, 1.0, samples)
         feet = steady_cycle(walk.footing, walk.timing, walk.velocity, walk.step_height_m, progress)
         for k, s in enumerate(progress):
             turn = np.exp(2j * np.pi * (0.65 + 0.35 * s - walk.offsets))[:, None]
             feet[k, :, :2] -= (turn * walk.sway.body).real
             feet[k, :, 2] -= walk.below_m
-        found = np.array([legs.solve(each) for each in feet])
-        tips = [legs.pose(legs.scatter(each, self.ROBOT.default_pose)).foot for each in found]
+        found = np.array([LEGS.solve(each) for each in feet])
+        tips = [LEGS.pose(LEGS.scatter(each, POSE)).foot for each in found]
         return found, float(np.abs(np.array(tips) - feet).max())
 
     def limits(self, share: float) -> WalkLimits:
-        return WalkLimits(self.ROBOT, np.zeros(2), LimitsConfig(rate_share=share))
+        return WalkLimits(HEXAPOD, np.zeros(2), LimitsConfig(rate_share=share))
 
     def test_the_walk_is_as_fast_as_its_fastest_joint_permits(self) -> None:
         walk = self.steady((0.03, -0.04, 0.1))
-        angles, _ = self.angles(walk, 301)
-        fastest = np.abs(np.diff(angles, axis=0)).max() / (0.35 / 300)
+        fastest = np.abs(np.diff(self.angles(walk, 301)[0], axis=0)).max() / (0.35 / 300)
         pace = self.limits(0.2).pace(walk)
         assert pace.stride == 1.0
         assert pace.tempo == pytest.approx(0.2 * 3.0 / fastest, rel=0.06)
@@ -220,3 +223,144 @@ class TestLimits:
         assert pace.stride == 0.0
         reason = "the robot does not walk, however short its strides are: feet would be out of the legs'"
         assert pace.reason.startswith(reason)
+
+
+class TestSwayPlan:
+    """Feet at the corners of a rectangle, one in the air at a time."""
+
+    ASIDE, HEIGHT_M = 0.15, 0.2452  # w^2 h / g = 1 where w^2 = 40 / s^2
+    FEET = np.array([[0.2, 0.15], [0.2, -0.15], [-0.2, 0.15], [-0.2, -0.15]])  # FL FR HL HR
+    # Hind left in the air until 1/4, then front left, hind right, front right.
+    OFFSETS = np.array([0.5, 0.0, 0.75, 0.25])
+
+    def plan(self, period_s: float = 1.0, share: float = 1.0) -> SwayPlan:
+        return plan_sway(self.FEET, GaitTiming(period_s, 0.75), self.OFFSETS, self.HEIGHT_M, share)
+
+    def test_the_body_sways_to_the_side_with_both_feet_down(self) -> None:
+        """The middle of three corners is a third of the half width away, so the ideal sway is a square wave.
+
+        The first sine of this sway has 4 / pi of the amplitude.
+        """
+        amplitude = 4 / math.pi * self.ASIDE / 3
+        found = sine_at(self.plan().pressure, np.array([0.0, 0.25, 0.5, 0.75]))
+        np.testing.assert_allclose(found, np.outer([0.0, -amplitude, 0.0, amplitude], [0.0, 1.0]), atol=1e-3)
+
+    @pytest.mark.parametrize("period_s", [100.0, 1.0, 0.5])
+    def test_the_body_moves_less_in_a_faster_gait(self, period_s: float) -> None:
+        plan, rate = self.plan(period_s), 2 * math.pi / period_s
+        np.testing.assert_allclose(plan.body * (1 + rate**2 * self.HEIGHT_M / 9.81), plan.pressure, rtol=2e-4)
+        for share in (0.0, 0.5, 1.25):
+            np.testing.assert_allclose(self.plan(period_s, share).body, share * plan.body, atol=1e-12)
+        trot = np.array([0.5, 0.0, 0.0, 0.5])  # feet that alternate about the middle need no sway
+        none = plan_sway(self.FEET, GaitTiming(period_s, 0.5), trot, self.HEIGHT_M, 1.0)
+        np.testing.assert_allclose(none.body, 0.0, atol=1e-12)
+
+    def test_with_the_sway_the_weight_is_well_inside_the_three_feet_that_stand(self) -> None:
+        """At 1/8 the hind left foot is in the air.
+
+        The sway is 0.0637 sin 45 degrees = 0.045 m to the right; 0.8 of it is inside the support.
+        """
+        three = [(x, y) for x, y in self.FEET[[0, 1, 3]].tolist()]
+        assert support_margin(three, (0.0, 0.0)) == pytest.approx(0.0)
+        x, y = sine_at(self.plan(2.0).pressure, 0.125).tolist()
+        assert support_margin(three, (x, y)) == pytest.approx(0.8 * 0.045, abs=1e-3)
+
+    def test_a_walk_begins_where_the_body_turns_back(self) -> None:
+        """The body turns back on the right at 1/4, and on the left at 3/4, when the front foot lifts off."""
+        assert (self.plan().start(0.4) + 0.02) % 0.5 == pytest.approx(0.25, abs=3e-3)
+        assert self.plan(share=0.0).start(0.4) == 0.4
+
+    @pytest.mark.parametrize("phase", [0.8, -2.0])
+    def test_a_walk_begins_a_little_before_the_body_is_farthest_out(self, phase: float) -> None:
+        """The larger sway, cos(2 pi t + phase) at clock t, is farthest out at t = -phase / (2 pi)."""
+        body = np.array([0.01j, 0.05 * np.exp(1j * phase)])
+        start = SwayPlan(body, body).start(0.4)
+        assert start == pytest.approx((-phase / (2 * math.pi) - 0.02) % 1.0)
+        before, at, after = (float(sine_at(body, start + 0.02 + d)[1]) for d in (-0.01, 0.0, 0.01))
+        assert max(before, after) < at == pytest.approx(0.05)
+
+    def test_in_flight_the_target_pressure_is_in_the_middle(self) -> None:
+        """A foot at 0.1 m for a quarter of the cycle has the first sine 2 * 0.1 sin(pi / 4) / pi, at 1/8."""
+        plan = plan_sway(np.array([[0.1, 0.0]]), GaitTiming(1.0, 0.25), np.zeros(1), self.HEIGHT_M, 1.0)
+        found = sine_at(plan.pressure, np.array([0.125, 0.375]))
+        amplitude = 0.2 * math.sin(math.pi / 4) / math.pi
+        np.testing.assert_allclose(found, [[amplitude, 0.0], [0.0, 0.0]], atol=1e-3)
+
+
+def test_the_sway_is_approached_within_a_quarter_cycle_without_a_jump() -> None:
+    sway, way, goal = Sway(), [0.0], np.array([0.0, 0.05 + 0.0j])
+    for _ in range(250):
+        sway.approach(goal, 0.001)
+        way.append(float(sway.at(0.0)[1]))
+    assert 0.045 < way[-1] < 0.05
+    assert np.abs(np.diff(way, 2)).max() < 2e-5
+    assert sway.distance(goal) == pytest.approx(0.05 - way[-1])
+    sway.reset()
+    assert sway.at(0.3) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("cycles", [1 / 16, 1.0])
+def test_a_long_tick_does_not_overshoot_the_sway(cycles: float) -> None:
+    """Afterwards it equals the plan's sine at any time of the clock."""
+    sway, goal = Sway(), np.array([0.03 + 0.02j, -0.01 + 0.04j])
+    sway.approach(goal, cycles)
+    assert sway.distance(goal) == pytest.approx(0.0, abs=1e-12)
+    for clock in (0.0, 0.2, 0.7):
+        np.testing.assert_allclose(sway.at(clock), sine_at(goal, clock), atol=1e-12)
+    angle = 2 * math.pi * 0.2
+    assert sway.at(0.2)[1] == pytest.approx(-0.01 * math.cos(angle) - 0.04 * math.sin(angle))
+
+
+class TestGroundForce:
+    """Contact of the hexapod's feet from the motors' torques."""
+
+    JACOBIAN = LEGS.pose(POSE).jacobian
+    STILL, FREE = np.zeros(18), np.zeros((6, 3))
+    FALL = np.tile([[0.0], [0.0], [-5.0]], (6, 1, 1))  # m/s^2, of each foot
+    LOWERING = LEGS.scatter(LEGS.joint_rates(JACOBIAN, FALL)[:, :, 0], STILL)  # rad/s^2
+    # Force on the left middle foot, N, and in shares of the weight.
+    LOADED = np.outer([0, 1, 0, 0, 0, 0], [0.0, 0.0, 1.5 * 9.81 * 3.01 / 6])
+    LOADED_SHARES = (0.0, 1.5, 0.0, 0.0, 0.0, 0.0)
+
+    def readings(self, pushed: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> Sensed:
+        """Readings of a robot whose motors move the legs and push on the ground with forces (6, 3)."""
+        inertial = (BODY.leg_inertia @ LEGS.gather(acceleration)[:, :, None])[:, :, 0]
+        weight = LEGS.holding_torque(POSE, np.array([0.0, 0.0, 9.81]))
+        torque = LEGS.scatter(weight + LEGS.torque(self.JACOBIAN, pushed) + inertial, self.STILL)
+        return readings(HEXAPOD, velocity=velocity, torque=torque - friction_torque(velocity, HEXAPOD.motor))
+
+    def shares(
+        self,
+        pushed: np.ndarray,
+        acceleration: np.ndarray,
+        rate: float = 0.0,
+        heavier: float = 1.0,
+        uncertainty: float = 0.0,
+    ) -> np.ndarray:
+        """Shares (6,) after 0.2 s in a force, from rest; the legs' pose is constant."""
+        ground = GroundForce(HEXAPOD, BODY, 0.015, uncertainty)
+        ground.reset(self.readings(self.FREE, rate + self.STILL, self.STILL))
+        for tick in range(1, 51):
+            velocity = rate + tick * 0.004 * acceleration
+            sensed = self.readings(pushed, velocity, heavier * acceleration)
+            shares = ground.update(sensed, self.JACOBIAN, 0.004)
+        return shares
+
+    def test_gearbox_friction_is_not_mistaken_for_ground(self) -> None:
+        """The gearboxes' friction at 2 rad/s is 0.13 N m: at least a fifth of a share at the foot."""
+        np.testing.assert_allclose(self.shares(self.FREE, self.STILL, rate=2.0), 0.0, atol=0.01)
+
+    def test_accelerated_legs_have_contact_only_where_they_touch(self) -> None:
+        """Such an acceleration takes three shares of force at the foot."""
+        np.testing.assert_allclose(self.shares(self.FREE, self.LOWERING), 0.0, atol=0.05)
+        np.testing.assert_allclose(self.shares(self.LOADED, self.LOWERING), self.LOADED_SHARES, atol=0.05)
+
+    def test_legs_heavier_than_described_have_no_contact_within_the_tolerance(self) -> None:
+        assert self.shares(self.FREE, self.LOWERING, heavier=1.2).min() > 0.4
+        found = self.shares(self.FREE, self.LOWERING, heavier=1.2, uncertainty=0.2)
+        np.testing.assert_allclose(found, 0.0, atol=0.05)
+
+    def test_contact_of_a_braking_leg_is_recognised(self) -> None:
+        """A foot that the ground stops is recognised at once."""
+        braked = self.shares(self.LOADED, -self.LOWERING, uncertainty=0.2)
+        np.testing.assert_allclose(braked, self.LOADED_SHARES, atol=0.05)

@@ -1,7 +1,7 @@
 """Named gaits: the order of the feet, on any robot with that number of feet."""
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -11,24 +11,21 @@ from footfall.policies import gaits
 from footfall.policies.gaits import GaitEntry, find_gait, gaits_of, planned_lift, require_duty
 from footfall.robots.description import Robot
 
-FOUR = ("trot", "walk", "pace", "bound", "gallop", "pronk")
+CLOCKS = np.arange(0.005, 1.0, 0.01).tolist()
 
 
-def standing_at(go1: Robot, feet_xy: dict[str, tuple[float, float]]) -> Robot:
+def standing_at(go1: Robot, feet_xy: Mapping[str, tuple[float, float]]) -> Robot:
     """A robot with other feet, given by their names and positions."""
-    foot = go1.description.feet[0]
-    feet = tuple(replace(foot, name=name) for name in feet_xy)
-    height = {name: (*phase, -0.2) for name, phase in feet_xy.items()}
-    return replace(
-        go1, description=replace(go1.description, feet=feet), foot_positions=np.array(list(height.values()))
-    )
+    feet = tuple(replace(go1.description.feet[0], name=name) for name in feet_xy)
+    positions = np.array([(*place, -0.2) for place in feet_xy.values()])
+    return replace(go1, description=replace(go1.description, feet=feet), foot_positions=positions)
 
 
 def lift_offs(robot: Robot, name: str) -> list[str]:
     """Names of the feet in the order in which they leave the ground, from the clock's 0 on."""
     gait = find_gait(name, robot)
-    begins = (gait.duty - gait.phase) % 1.0
-    return [robot.description.feet[k].name for k in np.argsort(begins, kind="stable")]
+    order = np.argsort((gait.duty - gait.phase) % 1.0, kind="stable")
+    return [robot.description.feet[k].name for k in order]
 
 
 def in_the_air(robot: Robot, name: str, clock: float) -> set[str]:
@@ -37,107 +34,89 @@ def in_the_air(robot: Robot, name: str, clock: float) -> set[str]:
     return {foot.name for foot, up in zip(robot.description.feet, swings, strict=True) if up}
 
 
+def counts(robot: Robot, name: str) -> list[int]:
+    """Numbers of feet in the air in a cycle."""
+    return [len(in_the_air(robot, name, clock)) for clock in CLOCKS]
+
+
 HEXAPOD = {  # feet in an arbitrary order, the middle ones farther out
-    "RM": (0.01, -0.3),
-    "LR": (-0.2, 0.22),
-    "RF": (0.21, -0.2),
-    "LM": (0.0, 0.3),
-    "RR": (-0.19, -0.21),
-    "LF": (0.2, 0.2),
+    **{"RM": (0.01, -0.3), "LR": (-0.2, 0.22), "RF": (0.21, -0.2)},
+    **{"LM": (0.0, 0.3), "RR": (-0.19, -0.21), "LF": (0.2, 0.2)},
 }
 
 
-class TestFourFeet:
-    def test_a_trot_steps_with_diagonals(self, go1: Robot) -> None:
-        assert {frozenset(in_the_air(go1, "trot", clock)) for clock in np.arange(0.01, 1.0, 0.02)} == {
-            frozenset({"FR", "RL"}),
-            frozenset({"FL", "RR"}),
-        }
+@pytest.fixture
+def hexapod(go1: Robot) -> Robot:
+    return standing_at(go1, HEXAPOD)
 
-    def test_a_pace_steps_with_sides_and_a_bound_with_ends(self, go1: Robot) -> None:
-        assert in_the_air(go1, "pace", 0.1) == {"FL", "RL"}
-        assert in_the_air(go1, "bound", 0.1) == {"RL", "RR"}
-        for clock in np.arange(0.01, 1.0, 0.02):
-            assert len(in_the_air(go1, "pace", clock)) == len(in_the_air(go1, "bound", clock)) == 2
 
-    def test_a_walk_steps_hind_before_front_on_each_side_one_foot_at_a_time(self, go1: Robot) -> None:
-        assert lift_offs(go1, "walk") == ["RL", "FL", "RR", "FR"]
-        assert all(len(in_the_air(go1, "walk", clock)) == 1 for clock in np.arange(0.01, 1.0, 0.02))
+def test_a_trot_steps_with_diagonals_a_pace_with_sides_and_a_bound_with_ends(go1: Robot) -> None:
+    diagonals = {frozenset({"FR", "RL"}), frozenset({"FL", "RR"})}
+    assert {frozenset(in_the_air(go1, "trot", clock)) for clock in CLOCKS} == diagonals
+    assert in_the_air(go1, "pace", 0.1) == {"FL", "RL"}
+    assert in_the_air(go1, "bound", 0.1) == {"RL", "RR"}
+    assert set(counts(go1, "pace")) == set(counts(go1, "bound")) == {2}
 
-    @pytest.mark.parametrize(("gait", "share"), [("gallop", 0.35), ("pronk", 0.5)])
-    def test_a_flight_has_no_foot_on_the_ground(self, go1: Robot, gait: str, share: float) -> None:
-        up = [len(in_the_air(go1, gait, clock)) for clock in np.arange(0.005, 1.0, 0.01)]
-        assert up.count(4) == pytest.approx(100 * share, abs=1)
+
+def test_a_walk_steps_hind_before_front_on_each_side_one_foot_at_a_time(go1: Robot) -> None:
+    assert lift_offs(go1, "walk") == ["RL", "FL", "RR", "FR"]
+    assert set(counts(go1, "walk")) == {1}
+
+
+@pytest.mark.parametrize(("gait", "share"), [("gallop", 0.35), ("pronk", 0.5)])
+def test_a_flight_has_no_foot_on_the_ground(go1: Robot, gait: str, share: float) -> None:
+    assert counts(go1, gait).count(4) == pytest.approx(100 * share, abs=1)
 
 
 def test_two_feet_step_in_turn_and_stand_together_for_a_fifth_of_the_cycle(go1: Robot) -> None:
     biped = standing_at(go1, {"L": (0.0, 0.1), "R": (0.0, -0.1)})
-    up = [in_the_air(biped, "walk", clock) for clock in np.arange(0.005, 1.0, 0.01)]
-    assert sorted(map(len, up)) == [0] * 20 + [1] * 80
-    assert up[0] == set()
-    assert in_the_air(biped, "walk", 0.2) == {"L"}
-    assert in_the_air(biped, "walk", 0.7) == {"R"}
+    assert sorted(counts(biped, "walk")) == [0] * 20 + [1] * 80
+    for clock, feet in ((0.005, set()), (0.2, {"L"}), (0.7, {"R"})):
+        assert in_the_air(biped, "walk", clock) == feet
 
 
-class TestSixFeet:
-    @pytest.fixture
-    def hexapod(self, go1: Robot) -> Robot:
-        return standing_at(go1, HEXAPOD)
-
-    def test_a_tripods_feet_are_front_and_hind_with_the_others_middle(self, hexapod: Robot) -> None:
-        assert in_the_air(hexapod, "tripod", 0.3) == {"LF", "RM", "LR"}
-        assert in_the_air(hexapod, "tripod", 0.8) == {"RF", "LM", "RR"}
-        assert in_the_air(hexapod, "tripod", 0.55) == set()  # each stands for 65 % of the cycle
-
-    def test_a_wave_lifts_one_foot_every_sixth_of_the_cycle(self, hexapod: Robot) -> None:
-        order = lift_offs(hexapod, "wave")
-        first = order.index("LR")
-        assert order[first:] + order[:first] == ["LR", "LM", "LF", "RR", "RM", "RF"]
-        assert all(len(in_the_air(hexapod, "wave", clock)) == 1 for clock in np.arange(0.01, 1.0, 0.02))
-
-    def test_a_ripple_has_two_feet_in_the_air_never_neighbours(self, hexapod: Robot) -> None:
-        neighbours = [{"LF", "LM"}, {"LM", "LR"}, {"RF", "RM"}, {"RM", "RR"}, {"LF", "RF"}, {"LR", "RR"}]
-        for clock in np.arange(0.01, 1.0, 0.02):
-            up = in_the_air(hexapod, "ripple", clock)
-            assert len(up) == 2
-            assert up not in neighbours
+def test_a_tripods_feet_are_front_and_hind_with_the_others_middle(hexapod: Robot) -> None:
+    assert in_the_air(hexapod, "tripod", 0.3) == {"LF", "RM", "LR"}
+    assert in_the_air(hexapod, "tripod", 0.8) == {"RF", "LM", "RR"}
+    assert in_the_air(hexapod, "tripod", 0.55) == set()  # each stands for 65 % of the cycle
 
 
-class TestFeetInTheMiddle:
-    """Gaits of a made-up file, for five feet of which two or three stand in the middle plane."""
-
-    FEET: ClassVar = {
-        "b": (-0.3, -5e-4),
-        "r": (0.0, -0.001),
-        "f": (0.3, 1e-7),
-        "l": (0.1, 0.2),
-        "m": (0.2, 5e-4),
-    }
-
-    @pytest.fixture(autouse=True)
-    def file(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        hop = {"duty": 0.6, "left": [0.1], "right": [0.2], "middle": [0.3, 0.4, 0.5]}
-        limp = hop | {"left": [0.1, 0.7], "middle": [0.3, 0.4]}
-        monkeypatch.setattr(gaits, "_gaits_by_feet", lambda: {5: {"hop": hop, "limp": limp}})
-
-    def test_feet_in_the_middle_plane_have_their_own_phases_from_front_to_back(self, go1: Robot) -> None:
-        """A foot a millimetre beside the plane belongs to a side."""
-        found = find_gait("hop", standing_at(go1, self.FEET))
-        assert found.duty == 0.6
-        np.testing.assert_array_equal(found.phase, [0.5, 0.2, 0.3, 0.1, 0.4])
-
-    def test_a_gait_for_another_number_of_feet_is_refused(self, go1: Robot) -> None:
-        with pytest.raises(UserError, match=r"'limp' .*2 .*left.* 1"):
-            find_gait("limp", standing_at(go1, self.FEET))
-        beside = self.FEET | {"m": (0.2, -0.1)}
-        with pytest.raises(UserError, match=r"'hop' .*1 .*right.* 2"):
-            find_gait("hop", standing_at(go1, beside))
+def test_a_wave_lifts_one_foot_every_sixth_of_the_cycle(hexapod: Robot) -> None:
+    order = lift_offs(hexapod, "wave")
+    first = order.index("LR")
+    assert order[first:] + order[:first] == ["LR", "LM", "LF", "RR", "RM", "RF"]
+    assert set(counts(hexapod, "wave")) == {1}
 
 
-def test_a_robot_has_the_gaits_for_as_many_feet_on_each_side(go1: Robot) -> None:
+def test_a_ripple_has_two_feet_in_the_air_never_neighbours(hexapod: Robot) -> None:
+    neighbours = [{"LF", "LM"}, {"LM", "LR"}, {"RF", "RM"}, {"RM", "RR"}, {"LF", "RF"}, {"LR", "RR"}]
+    for clock in CLOCKS:
+        up = in_the_air(hexapod, "ripple", clock)
+        assert len(up) == 2
+        assert up not in neighbours
+
+
+def test_feet_in_the_middle_plane_have_their_own_phases_from_front_to_back(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of five feet, three stand in the middle plane; a foot a millimetre beside it belongs to a side."""
+    feet = {"b": (-0.3, -5e-4), "r": (0.0, -0.001), "f": (0.3, 1e-7), "l": (0.1, 0.2), "m": (0.2, 5e-4)}
+    hop = {"duty": 0.6, "left": [0.1], "right": [0.2], "middle": [0.3, 0.4, 0.5]}
+    limp = hop | {"left": [0.1, 0.7], "middle": [0.3, 0.4]}
+    monkeypatch.setattr(gaits, "_gaits_by_feet", lambda: {5: {"hop": hop, "limp": limp}})
+    found = find_gait("hop", standing_at(go1, feet))
+    assert found.duty == 0.6
+    np.testing.assert_array_equal(found.phase, [0.5, 0.2, 0.3, 0.1, 0.4])
+    with pytest.raises(UserError, match=r"'limp' .*2 .*left.* 1"):
+        find_gait("limp", standing_at(go1, feet))
+    with pytest.raises(UserError, match=r"'hop' .*1 .*right.* 2"):
+        find_gait("hop", standing_at(go1, feet | {"m": (0.2, -0.1)}))
+
+
+def test_a_robot_has_the_gaits_for_as_many_feet_on_each_side(go1: Robot, hexapod: Robot) -> None:
     """Gaits are in the order of the file; a new robot begins with the first."""
-    assert gaits_of(go1) == list(FOUR)
-    assert gaits_of(standing_at(go1, HEXAPOD)) == ["tripod", "ripple", "wave"]
+    assert gaits_of(go1) == ["trot", "walk", "pace", "bound", "gallop", "pronk"]
+    assert gaits_of(hexapod) == ["tripod", "ripple", "wave"]
     tail = {"a": (0.2, 0.1), "b": (0.2, -0.1), "c": (-0.1, 0.1), "d": (-0.1, -0.1), "e": (-0.3, 0.0)}
     assert gaits_of(standing_at(go1, tail)) == ["wave"]
     assert gaits_of(standing_at(go1, tail | {"e": (-0.3, 0.1)})) == []  # three on the left
@@ -148,29 +127,23 @@ def test_a_robot_has_the_gaits_for_as_many_feet_on_each_side(go1: Robot) -> None
 
 def test_duties_and_phases_are_shares_of_a_cycle() -> None:
     for duty in (0.0, 1.0, -0.1, float("nan")):
-        with pytest.raises(ValueError, match="duty"):
-            require_duty(duty)
-        with pytest.raises(ValueError, match="duty"):
-            GaitEntry(duty)
-    require_duty(None)
-    require_duty(0.01)
+        for refuses in (require_duty, GaitEntry):
+            with pytest.raises(ValueError, match="duty"):
+                refuses(duty)
+    for duty in (None, 0.01):
+        require_duty(duty)
     for side in ("left", "right", "middle"):
         for phase in (-0.1, 1.1):
             with pytest.raises(ValueError, match=side):
                 GaitEntry(0.5, **{side: (0.2, phase)})
 
 
-class TestPlannedLift:
+def test_a_planned_lift_is_a_half_sine_over_the_swing() -> None:
     """A duty of 0.75 leaves a quarter of the cycle for the swing, which is first."""
-
-    @pytest.mark.parametrize(
-        ("clock", "lift"), [(0.0, 0.0), (1 / 24, 0.5), (0.125, 1.0), (5 / 24, 0.5), (0.25, 0.0), (0.6, 0.0)]
-    )
-    def test_a_half_sine_over_the_swing(self, clock: float, lift: float) -> None:
-        np.testing.assert_allclose(planned_lift(np.array([clock]), np.zeros(1), 0.75), [lift], atol=1e-12)
-
-    def test_a_duty_of_one_half_is_the_sine_of_the_clock(self) -> None:
-        clock = np.linspace(0.0, 3.0, 101)[:, None]
-        offsets = np.array([0.0, 0.3])
-        sine = np.maximum(np.sin(2 * np.pi * (clock + offsets)), 0.0)
-        np.testing.assert_allclose(planned_lift(clock, offsets, 0.5), sine, atol=1e-12)
+    clock = np.array([[0], [1], [3], [5], [6], [14.4]]) / 24
+    lift = planned_lift(clock, np.zeros(1), 0.75)[:, 0]
+    np.testing.assert_allclose(lift, [0.0, 0.5, 1.0, 0.5, 0.0, 0.0], atol=1e-12)
+    # With a duty of one half it is the sine of the clock.
+    clock, offsets = np.linspace(0.0, 3.0, 101)[:, None], np.array([0.0, 0.3])
+    sine = np.maximum(np.sin(2 * np.pi * (clock + offsets)), 0.0)
+    np.testing.assert_allclose(planned_lift(clock, offsets, 0.5), sine, atol=1e-12)

@@ -1,6 +1,9 @@
 """A learned policy from readings to joint targets, with a network that depends on every input."""
 
-from collections.abc import Sequence
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,35 +14,36 @@ from tiny_policy import write_network
 from footfall.common.errors import UserError
 from footfall.policies.contract import CONTRACT_KEY, Contract
 from footfall.policies.learned import LearnedPolicy
-from footfall.policies.observation import observation_size
 from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.registry import ZOO
 from footfall.robots.description import Robot
 
 onnx = pytest.importorskip("onnx")
-STEPS = 9
 SIZE = 6 + 3 + 3 + 36 + 36 + 24 + 2  # of the observation
+Make = Callable[..., LearnedPolicy]
 
 
 @pytest.fixture
-def policy(tmp_path: Path, contract: Contract, go1: Robot) -> LearnedPolicy:
-    rng = np.random.default_rng(0)
-    weights = 0.1 * rng.standard_normal((observation_size(contract), len(contract.joints)))
-    return LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights.astype(np.float32), contract), go1)
+def make(tmp_path: Path, contract: Contract, go1: Robot) -> Make:
+    """Makes a policy of one layer with random weights of a scale."""
+
+    def policy(scale: float, contract: Contract = contract) -> LearnedPolicy:
+        weights = scale * np.random.default_rng(0).standard_normal((SIZE, 12)).astype(np.float32)
+        return LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
+
+    return policy
+
+
+@pytest.fixture
+def policy(make: Make) -> LearnedPolicy:
+    return make(0.1)
 
 
 def observations(seed: int) -> list[PolicyInput]:
-    rng = np.random.default_rng(seed)
-    quaternion = np.array([1.0, 0.0, 0.0, 0.0])
-    return [
-        PolicyInput(
-            step / 50,
-            Sensed(rng.normal(size=3), rng.normal(size=3), quaternion, *rng.normal(size=(3, 12))),
-            np.array([0.5, 0.1, -0.2]),
-            np.zeros(3),
-            0.28,
-        )
-        for step in range(STEPS)
-    ]
+    rng, upright = np.random.default_rng(seed), np.array([1.0, 0.0, 0.0, 0.0])
+    command = np.array([0.5, 0.1, -0.2])
+    sensed = [Sensed(*rng.normal(size=(2, 3)), upright, *rng.normal(size=(3, 12))) for _ in range(9)]
+    return [PolicyInput(step / 50, each, command, np.zeros(3), 0.28) for step, each in enumerate(sensed)]
 
 
 def episode(policy: LearnedPolicy, seed: int = 1) -> np.ndarray:
@@ -55,21 +59,15 @@ def test_a_second_episode_is_the_first_to_the_bit(policy: LearnedPolicy) -> None
     np.testing.assert_array_equal(episode(policy), first)
 
 
-def test_history_begins_with_the_first_reading(policy: LearnedPolicy, contract: Contract) -> None:
+def test_history_and_last_action_are_observed(policy: LearnedPolicy, contract: Contract) -> None:
     """As in training, missing earlier readings are copies of the first reading."""
-    seen = observations(1)[0]
-    policy.reset(seen)
-    policy.act(seen)
-    gyro = contract.observation[0].scale * seen.sensed.gyro
+    first, second, *_ = observations(1)
+    policy.reset(first)
+    policy.act(first)
+    gyro = contract.observation[0].scale * first.sensed.gyro
     np.testing.assert_allclose(policy.observed[:6], [*gyro, *gyro], rtol=1e-6)
-
-
-def test_the_last_action_is_observed(policy: LearnedPolicy) -> None:
-    seen = observations(1)
-    policy.reset(seen[0])
-    policy.act(seen[0])
     taken = policy.action.copy()
-    policy.act(seen[1])
+    policy.act(second)
     np.testing.assert_allclose(policy.observed[-2 - 12 : -2], taken, rtol=1e-6)
 
 
@@ -78,38 +76,31 @@ def test_the_command_is_a_target_under_the_contracts_gains(policy: LearnedPolicy
     seen = observations(1)[0]._replace(command=np.zeros(3))
     policy.reset(seen)
     command = policy.act(seen)
-    scaled = np.array(contract.action_scale_rad) * policy.action
+    expected = np.array(contract.default_pose_rad) + np.array(contract.action_scale_rad) * policy.action
     assert command.position.dtype == np.float64
-    np.testing.assert_allclose(command.position, np.array(contract.default_pose_rad) + scaled, rtol=1e-12)
-    np.testing.assert_array_equal(command.kp, contract.kp)
-    np.testing.assert_array_equal(command.kd, contract.kd)
+    np.testing.assert_allclose(command.position, expected, rtol=1e-12)
+    np.testing.assert_array_equal([command.kp, command.kd], [contract.kp, contract.kd])
     np.testing.assert_array_equal([command.velocity, command.torque], 0.0)
 
 
-def test_the_action_is_the_networks_output(tmp_path: Path, contract: Contract, go1: Robot) -> None:
+def test_the_action_is_the_networks_output(make: Make) -> None:
     """Actions of any size are passed on: the joint layer limits the targets."""
-    weights = np.random.default_rng(5).standard_normal((observation_size(contract), 12)).astype(np.float32)
-    policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
+    policy, weights = make(1.0), np.random.default_rng(0).standard_normal((SIZE, 12)).astype(np.float32)
     episode(policy)
     np.testing.assert_allclose(policy.action, policy.observed @ weights, rtol=1e-4)
     assert np.abs(policy.action).max() > 2.0
 
 
-def test_a_policy_runs_at_its_contracts_rate(tmp_path: Path, contract: Contract, go1: Robot) -> None:
+def test_a_policy_runs_at_its_contracts_rate(make: Make, contract: Contract) -> None:
     """The policy's clock has the contract's rate, too.
 
     2.2 Hz at 40 steps per second are 0.055 cycles per step.
     """
-    contract = replace(contract, control_rate_hz=40.0)
-    weights = np.zeros((observation_size(contract), 12), np.float32)
-    policy = LearnedPolicy(write_network(onnx, tmp_path / "p.onnx", weights, contract), go1)
-    assert policy.rate_hz == 40.0
-    assert not policy.needs_estimate
-    assert policy.notes == ()
-    seen = observations(1)[0]
+    policy, seen = make(0.0, replace(contract, control_rate_hz=40.0)), observations(1)[0]
+    assert (policy.rate_hz, policy.needs_estimate, policy.notes) == (40.0, False, ())
     policy.reset(seen)
-    policy.act(seen)
-    policy.act(seen)
+    for _ in range(2):
+        policy.act(seen)
     angle = 2 * np.pi * 0.055
     np.testing.assert_allclose(policy.observed[-2:], [np.sin(angle), np.cos(angle)], atol=1e-6)
 
@@ -119,30 +110,22 @@ def write_graph(
     contract: Contract,
     inputs: Sequence[tuple[str, int]],
     outputs: Sequence[tuple[str, int]],
-    takes: str = "FLOAT",
-    answers: str = "FLOAT",
+    input_type: str = "FLOAT",
+    output_type: str = "FLOAT",
 ) -> Path:
-    """A network that returns zeros.
-
-    `inputs` and `outputs` are sizes by name, `takes` and `answers` their types.
-    """
-    helper, given, found = onnx.helper, getattr(onnx.TensorProto, takes), getattr(onnx.TensorProto, answers)
-    first, size = inputs[0]
-    number = np.float64 if takes == "DOUBLE" else np.float32
+    """A network that returns zeros; inputs and outputs are names and sizes."""
+    helper, types = onnx.helper, onnx.TensorProto
+    (first, size), number = inputs[0], np.float64 if input_type == "DOUBLE" else np.float32
     nodes, weights = [], []
     for name, count in outputs:
-        nodes += [
-            helper.make_node("MatMul", [first, f"to_{name}"], [f"raw_{name}"]),
-            helper.make_node("Cast", [f"raw_{name}"], [name], to=found),
-        ]
+        nodes.append(helper.make_node("MatMul", [first, f"to_{name}"], [f"raw_{name}"]))
+        nodes.append(helper.make_node("Cast", [f"raw_{name}"], [name], to=getattr(types, output_type)))
         weights.append(onnx.numpy_helper.from_array(np.zeros((size, count), number), f"to_{name}"))
-    graph = helper.make_graph(
-        nodes,
-        "zeros",
-        [helper.make_tensor_value_info(name, given, ["batch", count]) for name, count in inputs],
-        [helper.make_tensor_value_info(name, found, ["batch", count]) for name, count in outputs],
-        weights,
-    )
+    declared = [
+        [helper.make_tensor_value_info(name, getattr(types, kind), ["batch", count]) for name, count in each]
+        for each, kind in ((inputs, input_type), (outputs, output_type))
+    ]
+    graph = helper.make_graph(nodes, "zeros", *declared, weights)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
     model.ir_version = 8
     helper.set_model_props(model, {CONTRACT_KEY: contract.to_json()})
@@ -150,9 +133,7 @@ def write_graph(
     return path
 
 
-def test_a_policys_name_is_that_of_its_file_or_the_given_name(
-    tmp_path: Path, contract: Contract, go1: Robot
-) -> None:
+def test_a_policy_has_its_files_or_a_given_name(tmp_path: Path, contract: Contract, go1: Robot) -> None:
     """The names of its input and output may be any."""
     path = write_graph(tmp_path / "gentle.v2.onnx", contract, [("x", SIZE)], [("y", 12)])
     policy = LearnedPolicy(path, go1)
@@ -180,8 +161,8 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path, contract: Contract,
         ([one], [two], ("FLOAT", "DOUBLE"), "float64"),
     ):
         refusal(write_graph(tmp_path / "p.onnx", contract, inputs, outputs, *types), found)
+    weights = np.zeros((SIZE, 12), np.float32)
     for number in (np.nan, np.inf):
-        weights = np.zeros((SIZE, 12), np.float32)
         weights[5, 7] = number
         refusal(write_network(onnx, tmp_path / "p.onnx", weights, contract), "NaN")
 
@@ -193,3 +174,14 @@ def test_a_policy_uses_one_core_and_prints_nothing(policy: LearnedPolicy) -> Non
     assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
     assert options.log_severity_level == 4
     assert policy._session.get_providers() == ["CPUExecutionProvider"]
+
+
+def test_a_policy_leaves_no_telemetry_in_the_users_home(tmp_path: Path) -> None:
+    """ONNX Runtime's telemetry keeps an identifier and a database there."""
+    silent = ("CI", "GITHUB_ACTIONS", "ORT_DISABLE_TELEMETRY", "XDG_CACHE_HOME")  # disable or move it
+    environment = {name: value for name, value in os.environ.items() if name not in silent}
+    program = "import sys; from pathlib import Path; from footfall.policies.learned import open_network; "
+    program += "open_network(Path(sys.argv[1]))"
+    command = [sys.executable, "-c", program, str(ZOO / "go1-flat" / "policy.onnx")]
+    subprocess.run(command, env=environment | {"HOME": str(tmp_path)}, check=True)
+    assert list(tmp_path.rglob("*")) == []

@@ -46,7 +46,7 @@ LONGEST = (
     "policies/test_hexapod_walks.py",
     "envs/test_task.py",
     "envs/test_gymnasium.py",
-    "policies/test_other_bipeds.py",
+    "policies/test_made_up_robots.py",
     "robots/test_check.py",
     "deploy/test_battery.py",
     "benchmarks/test_recordings.py",
