@@ -1,16 +1,21 @@
-"""Whole-body control against statics computed by hand and MuJoCo's inverse dynamics."""
+"""Whole-body control against statics by hand and MuJoCo's inverse dynamics, and balance by it."""
 
+import math
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
+from direct_plant import DirectPlant, walk
+from moments import policy_input, whole_body_arguments
 from scipy.spatial.transform import Rotation
 
 from footfall.common.rotations import normalised
-from footfall.policies.controllers.solver import BoundedSolver
+from footfall.plant.episode import Episode, run_episode
+from footfall.policies.controllers.balance import Balance, BalanceConfig
+from footfall.policies.controllers.settings import controller_settings
+from footfall.policies.controllers.solver import BoundedSolver, QuadraticProgram
 from footfall.policies.controllers.whole_body import control as control_module
 from footfall.policies.controllers.whole_body.control import (
     JointFeedback,
@@ -20,53 +25,37 @@ from footfall.policies.controllers.whole_body.control import (
     WholeBodyControl,
 )
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
-from footfall.policies.controllers.whole_body.feedback import base_tilt, rest_dynamics
+from footfall.policies.controllers.whole_body.feedback import Feedback, base_tilt, rest_dynamics
 from footfall.policies.controllers.whole_body.problem import Contact, Desired, QuadraticPrograms, Weights
+from footfall.policies.policy import PolicyInput
 from footfall.robots.actuator import JointCommand
 from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import foot_geoms
 from footfall.robots.mjcf import load_spec
 
-G1, GO1 = load_robot("g1"), load_robot("go1")
-BODIES = {"g1": WholeBody(G1), "go1": WholeBody(GO1)}
-ROBOTS = {"g1": G1, "go1": GO1}
+ROBOTS = {name: load_robot(name) for name in ("g1", "go1")}
+G1 = ROBOTS["g1"]
+N = len(G1.joint_names)
+BODIES = {name: WholeBody(robot) for name, robot in ROBOTS.items()}
+REST = {name: rest_dynamics(body, ROBOTS[name]) for name, body in BODIES.items()}
 CONFIG = WholeBodyConfig(
-    Weights(
-        contact=100.0,
-        centre=10.0,
-        momentum=1.0,
-        attitude=0.05,
-        swing=10.0,
-        swing_attitude=0.3,
-        posture=1e-3,
-        force=1e-2,
-    ),
+    Weights(100.0, 10.0, 1.0, attitude=0.05, swing=10.0, swing_attitude=0.3, posture=1e-3, force=1e-2),
     Contact(friction=0.5, damping=5.0),
     JointFeedback(kp=0.0, kd=1.0, memory_s=0.05, friction_compensation=0.0),
     NoSolutionConfig(fade_s=0.05, kd=3.0, max_s=0.02),
 )
+NO_ACCELERATION = np.zeros((3, 3))  # of the centre, angular momentum and attitude
 STILL = {
-    name: Desired(
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros((body.feet, 6)),
-        np.zeros(len(ROBOTS[name].joint_names)),
-    )
-    for name, body in BODIES.items()
+    name: Desired(*NO_ACCELERATION, np.zeros((BODIES[name].feet, 6)), np.zeros_like(robot.default_pose))
+    for name, robot in ROBOTS.items()
 }
 
 
 def some_motion(robot: Robot, seed: int) -> Motion:
     rng = np.random.default_rng(seed)
-    n = len(robot.joint_names)
-    return Motion(
-        normalised(np.array([1.0, 0.2, -0.3, 0.5])),
-        rng.normal(size=3),
-        rng.normal(size=3),
-        robot.default_pose + 0.1 * rng.normal(size=n),
-        rng.normal(size=n),
-    )
+    turn, n = normalised(np.array([1.0, 0.2, -0.3, 0.5])), len(robot.joint_names)
+    velocity, gyro, offset = rng.normal(size=3), rng.normal(size=3), 0.1 * rng.normal(size=n)
+    return Motion(turn, velocity, gyro, robot.default_pose + offset, rng.normal(size=n))
 
 
 def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData, np.ndarray]:
@@ -82,45 +71,42 @@ def moved(robot: Robot, motion: Motion) -> tuple[mujoco.MjModel, mujoco.MjData, 
     return model, data, np.concatenate([np.arange(6), dofs])
 
 
-def solved(robot: Robot, dynamics: Dynamics, desired: Desired, **changes: Any) -> tuple[np.ndarray, ...]:
-    """Forces (points, 3), accelerations (nv,) and torques (n,) of one tick; all points may press."""
-    body = BODIES[robot.name]
-    max_force = changes.get("max_force", np.full(body.points, 1e4))
-    torque = changes.get("max_torque", robot.motor.peak_torque)
-    weights = changes.get("weights", CONFIG.weights)
-    programs = QuadraticPrograms(
-        body.foot_of_point,
-        len(robot.joint_names),
-        body.total_mass,
-        weights,
-        changes.get("contact", CONFIG.contact),
-    )
-    program, torque_map = programs.build(dynamics, desired, max_force, -torque, torque)
-    x = BoundedSolver().solve(program)
+def solved(
+    name: str,
+    desired: Desired,
+    dynamics: Dynamics | None = None,
+    max_force: float | np.ndarray = 1e4,
+    max_torque: np.ndarray | None = None,
+    weights: Weights = CONFIG.weights,
+    friction: float = 0.5,
+    daqp_iterations: int = 100,
+) -> tuple[np.ndarray, ...]:
+    """Forces (points, 3), accelerations (nv,) and torques (n,) of one tick, by default at rest."""
+    body, robot = BODIES[name], ROBOTS[name]
+    torque = robot.motor.peak_torque if max_torque is None else max_torque
+    contact = replace(CONFIG.contact, friction=friction)
+    programs = QuadraticPrograms(body.foot_of_point, len(torque), body.total_mass, weights, contact)
+    limits = np.full(body.points, max_force), -torque, torque
+    program, torque_map = programs.build(dynamics or REST[name], desired, *limits)
+    x = BoundedSolver(daqp_iterations).solve(program)
     assert x is not None
     force = np.zeros((body.points, 3))
     force[torque_map.standing] = x[: 3 * len(torque_map.standing)].reshape(-1, 3)
-    return (
-        force,
-        torque_map.acceleration @ x + torque_map.acceleration_offset,
-        torque_map.torque @ x + torque_map.torque_offset,
-    )
+    acceleration = torque_map.acceleration @ x + torque_map.acceleration_offset
+    return force, acceleration, torque_map.torque @ x + torque_map.torque_offset
 
 
+@pytest.mark.parametrize("name", ROBOTS)
 class TestDynamics:
-    @pytest.mark.parametrize("name", ROBOTS)
     def test_mass_and_bias_are_those_of_mujocos_inverse_dynamics(self, name: str) -> None:
-        robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 3)
-        model, data, order = moved(robot, motion)
-        acceleration = np.random.default_rng(4).normal(size=model.nv)
-        data.qacc[order] = acceleration
+        motion = some_motion(ROBOTS[name], 3)
+        model, data, order = moved(ROBOTS[name], motion)
+        data.qacc[order] = acceleration = np.random.default_rng(4).normal(size=model.nv)
         mujoco.mj_inverse(model, data)
         dynamics = BODIES[name].update(motion)
-        np.testing.assert_allclose(
-            dynamics.mass @ acceleration + dynamics.bias, data.qfrc_inverse[order], atol=1e-8
-        )
+        forces = dynamics.mass @ acceleration + dynamics.bias
+        np.testing.assert_allclose(forces, data.qfrc_inverse[order], atol=1e-8)
 
-    @pytest.mark.parametrize("name", ROBOTS)
     def test_points_accelerate_by_jacobian_and_drift(self, name: str) -> None:
         """The accelerations equal differences of the points' positions in the world."""
         robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 5)
@@ -128,21 +114,16 @@ class TestDynamics:
         model, data, order = moved(robot, motion)
         acceleration = np.random.default_rng(6).normal(size=model.nv)
         mujoco.mj_kinematics(model, data)
-        geoms = np.concatenate(foot_geoms(model, robot.description))
-        links = model.geom_bodyid[geoms]
-        turn = data.xmat[links].reshape(-1, 3, 3)
-        own = ((dynamics.point - data.xpos[links])[:, None] @ turn)[:, 0]
-        start, speed, h = data.qpos.copy(), dynamics.velocity, 1e-4
-        positions = []
+        links = model.geom_bodyid[np.concatenate(foot_geoms(model, robot.description))]
+        own = (dynamics.point - data.xpos[links])[:, None] @ data.xmat[links].reshape(-1, 3, 3)
+        start, speed, h, positions = data.qpos.copy(), dynamics.velocity, 1e-4, []
         for t in (-h, 0.0, h):
-            data.qpos[:] = start
-            step = np.zeros(model.nv)
+            data.qpos[:], step = start, np.zeros(model.nv)
             step[order] = speed * t + acceleration * t * t / 2
             mujoco.mj_integratePos(model, data.qpos, step, 1.0)
             mujoco.mj_kinematics(model, data)
-            positions.append(
-                data.xpos[links] + (data.xmat[links].reshape(-1, 3, 3) @ own[:, :, None])[:, :, 0]
-            )
+            turned = own @ data.xmat[links].reshape(-1, 3, 3).swapaxes(1, 2)
+            positions.append(data.xpos[links] + turned[:, 0])
         before, now, after = positions
         velocity = dynamics.point_jacobian @ speed
         np.testing.assert_allclose((after - before) / (2 * h), velocity, atol=1e-5)
@@ -157,74 +138,60 @@ def test_the_base_tilt_is_roll_and_pitch_and_the_yaw_relative_to_the_feet() -> N
         # Roll is in the body frame, whatever the heading.
         (Rotation.from_euler("ZYX", [2.0, 0.0, 0.1]), (2.0, 2.0), [np.sin(0.1), 0.0, 0.0]),
     ):
-        dynamics = SimpleNamespace(foot_rotation=Rotation.from_rotvec([[0, 0, h] for h in feet]).as_matrix())
-        found = base_tilt(base.as_quat(scalar_first=True), dynamics)  # type: ignore[arg-type]
-        np.testing.assert_allclose(found, tilt, atol=1e-12)
+        turned = REST["g1"]._replace(foot_rotation=Rotation.from_euler("z", np.vstack(feet)).as_matrix())
+        np.testing.assert_allclose(base_tilt(base.as_quat(scalar_first=True), turned), tilt, atol=1e-12)
 
 
-class TestStanding:
-    @pytest.mark.parametrize("name", ROBOTS)
-    def test_the_ground_carries_the_weight_and_nothing_moves(self, name: str) -> None:
-        robot, body = ROBOTS[name], BODIES[name]
-        force, acceleration, _ = solved(robot, rest_dynamics(body, robot), STILL[name])
-        np.testing.assert_allclose(force.sum(axis=0), [0, 0, body.total_mass * 9.81], atol=0.2)
-        np.testing.assert_allclose(acceleration, 0.0, atol=0.01)
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_ground_carries_the_weight_and_nothing_moves(name: str) -> None:
+    force, acceleration, _ = solved(name, STILL[name])
+    np.testing.assert_allclose(force.sum(axis=0), [0, 0, BODIES[name].total_mass * 9.81], atol=0.2)
+    np.testing.assert_allclose(acceleration, 0.0, atol=0.01)
 
-    @pytest.mark.parametrize("name", ROBOTS)
-    def test_torques_balance_the_forces_and_the_legs_own_weight(self, name: str) -> None:
-        """The torques equal inverse dynamics with the same accelerations and forces at the same points."""
-        robot, body = ROBOTS[name], BODIES[name]
-        dynamics = rest_dynamics(body, robot)
-        force, acceleration, torque = solved(
-            robot, dynamics, STILL[name]._replace(centre=np.array([0.7, -0.4, 0.5]))
-        )
-        n = len(robot.joint_names)
-        level = Motion(np.array([1.0, 0, 0, 0]), np.zeros(3), np.zeros(3), robot.default_pose, np.zeros(n))
-        model, data, order = moved(robot, level)
-        data.qacc[order] = acceleration
-        mujoco.mj_inverse(model, data)
-        from_ground = np.zeros(model.nv)
-        geoms = np.concatenate(foot_geoms(model, robot.description))
-        for geom, point, f in zip(geoms, dynamics.point, force, strict=True):
-            mujoco.mj_applyFT(model, data, f, np.zeros(3), point, model.geom_bodyid[geom], from_ground)
-        left = (data.qfrc_inverse - from_ground)[order]
-        np.testing.assert_allclose(left[:6], 0.0, atol=1e-6)
-        np.testing.assert_allclose(left[6:], torque, atol=1e-6)
 
-    def test_a_foot_with_a_force_limit_of_zero_carries_no_load(self) -> None:
-        dynamics = rest_dynamics(BODIES["g1"], G1)
-        max_force = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
-        force, acceleration, _ = solved(G1, dynamics, STILL["g1"], max_force=max_force)
-        assert not force[:4].any()
-        # One foot cannot carry the body here unless it turns or falls towards the other side.
-        assert abs(acceleration[:6]).max() > 0.5
+@pytest.mark.parametrize("name", ROBOTS)
+def test_torques_balance_the_forces_and_the_legs_own_weight(name: str) -> None:
+    """The torques equal inverse dynamics with the same accelerations and forces at the same points."""
+    robot = ROBOTS[name]
+    force, acceleration, torque = solved(name, STILL[name]._replace(centre=np.array([0.7, -0.4, 0.5])))
+    upright, still = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
+    level = Motion(upright, still, still, robot.default_pose, np.zeros_like(torque))
+    model, data, order = moved(robot, level)
+    data.qacc[order] = acceleration
+    mujoco.mj_inverse(model, data)
+    from_ground = np.zeros(model.nv)
+    geoms = np.concatenate(foot_geoms(model, robot.description))
+    for geom, point, f in zip(geoms, REST[name].point, force, strict=True):
+        mujoco.mj_applyFT(model, data, f, still, point, model.geom_bodyid[geom], from_ground)
+    left = (data.qfrc_inverse - from_ground)[order]
+    np.testing.assert_allclose(left, [*np.zeros(6), *torque], atol=1e-6)
+
+
+def test_a_foot_with_a_force_limit_of_zero_carries_no_load() -> None:
+    max_force = np.where(BODIES["g1"].foot_of_point == 1, 200.0, 0.0)
+    force, acceleration, _ = solved("g1", STILL["g1"], max_force=max_force)
+    assert not force[:4].any()
+    # One foot cannot carry the body here unless it turns or falls towards the other side.
+    assert abs(acceleration[:6]).max() > 0.5
 
 
 def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come_to_rest() -> None:
     """The robot is in motion, so the drift terms matter, and the weights are large."""
-    body = BODIES["g1"]
-    rng = np.random.default_rng(8)
-    spin = Motion(
+    body, rng = BODIES["g1"], np.random.default_rng(8)
+    turn, velocity, gyro = (
         normalised(np.array([1.0, 0.02, -0.03, 0.4])),
-        0.1 * rng.normal(size=3),
-        0.5 * rng.normal(size=3),
-        G1.default_pose + 0.05 * rng.normal(size=12),
-        rng.normal(size=12),
+        rng.normal(size=3),
+        rng.normal(size=3),
     )
-    dynamics = body.update(spin)
-    desired = np.zeros((2, 6))
-    desired[1] = 1.0, -2.0, 3.0, 4.0, -5.0, 6.0
-    max_force = np.where(body.foot_of_point == 0, 1e4, 0.0)
-    weights = replace(CONFIG.weights, contact=1e6, swing=1e5, swing_attitude=1e5)
-    _, acceleration, _ = solved(
-        *(G1, dynamics, STILL["g1"]._replace(feet=desired)),
-        max_force=max_force,
-        weights=weights,
-        contact=replace(CONFIG.contact, friction=5.0),  # so that the foot can be held
-    )
-    foot = dynamics.foot_jacobian[1] @ acceleration + dynamics.foot_drift[1]
-    np.testing.assert_allclose(foot, desired[1], atol=0.05)
+    pose = G1.default_pose + 0.05 * rng.normal(size=N)
+    dynamics = body.update(Motion(turn, 0.1 * velocity, 0.5 * gyro, pose, rng.normal(size=N)))
+    desired = STILL["g1"]._replace(feet=np.array([np.zeros(6), [1.0, -2.0, 3.0, 4.0, -5.0, 6.0]]))
     left = body.foot_of_point == 0
+    weights = replace(CONFIG.weights, contact=1e6, swing=1e5, swing_attitude=1e5)
+    # The friction is so large that the foot can be held.
+    _, acceleration, _ = solved("g1", desired, dynamics, 1e4 * left, weights=weights, friction=5.0)
+    foot = dynamics.foot_jacobian[1] @ acceleration + dynamics.foot_drift[1]
+    np.testing.assert_allclose(foot, desired.feet[1], atol=0.05)
     points = dynamics.point_jacobian[left] @ acceleration + dynamics.point_drift[left]
     slowing = -5.0 * (dynamics.point_jacobian[left] @ dynamics.velocity)
     # A rigid sole cannot slow down each corner, since corners circle about its middle.
@@ -233,95 +200,172 @@ def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come
     assert np.abs(dynamics.point_drift[left]).max() > 0.3
 
 
-class TestLimits:
-    def test_forces_stay_in_their_cones(self) -> None:
-        dynamics = rest_dynamics(BODIES["g1"], G1)
-        force, _, _ = solved(G1, dynamics, STILL["g1"]._replace(centre=np.array([9.0, -7.0, 0.0])))
-        sideways = np.abs(force[:, :2])
-        assert np.all(sideways <= 0.5 * force[:, 2:] + 1e-6)
-        assert np.any(sideways > 0.5 * force[:, 2:] - 1e-3)
-        assert np.all(force[:, 2] >= -1e-9)
-
-    def test_torques_stay_in_their_limits(self) -> None:
-        dynamics = rest_dynamics(BODIES["g1"], G1)
-        max_torque = np.linspace(3.0, 9.0, 12)
-        _, _, torque = solved(G1, dynamics, STILL["g1"], max_torque=max_torque)
-        assert np.all(np.abs(torque) <= max_torque + 1e-6)
-        assert np.any(np.abs(torque) > max_torque - 1e-3)  # the knees would need more
+@pytest.mark.parametrize("daqp_iterations", [100, 0])  # without iterations the second solver takes over
+def test_forces_stay_in_their_cones(daqp_iterations: int) -> None:
+    desired = STILL["g1"]._replace(centre=np.array([9.0, -7.0, 0.0]))
+    force, _, _ = solved("g1", desired, daqp_iterations=daqp_iterations)
+    beyond = np.abs(force[:, :2]) - 0.5 * force[:, 2:]
+    assert -2e-3 < beyond.max() <= 1e-6
+    assert force[:, 2].min() >= -1e-9
+    assert force[:, 1].min() < -100.0
 
 
-def contradicting(solver: BoundedSolver) -> BoundedSolver:
-    """Gives the solver contradictory limits of torques and forces."""
-    solve = solver.solve
-    solver.solve = lambda problem: solve(problem._replace(lower=problem.upper + 1.0))  # type: ignore
-    return solver
+def test_torques_stay_in_their_limits() -> None:
+    max_torque = np.linspace(3.0, 9.0, N)
+    _, _, torque = solved("g1", STILL["g1"], max_torque=max_torque)
+    assert -1e-3 < (np.abs(torque) - max_torque).max() <= 1e-6  # the knees would need more
 
 
-def blind(solver: BoundedSolver) -> BoundedSolver:
-    """Gives the solver NaN."""
-    solve = solver.solve
-    solver.solve = lambda problem: solve(problem._replace(gradient=problem.gradient * np.nan))  # type: ignore
-    return solver
+def test_a_share_of_the_friction_at_the_desired_speed_is_compensated() -> None:
+    """Dry friction is proportional to the speed below `friction_speed` and constant above.
+
+    Damping is viscous.
+    """
+    motor, joints = G1.motor, replace(CONFIG.joints, friction_compensation=0.6)
+    control = WholeBodyControl(G1, replace(CONFIG, joints=joints), dt_s=0.004)
+    for times, developed in ((0.5, 0.5), (-0.5, -0.5), (4.0, 1.0), (-4.0, -1.0)):
+        speed = times * motor.friction_speed
+        expected = 0.6 * (developed * motor.friction + motor.damping * speed)
+        np.testing.assert_allclose(control._friction(speed), expected)
+    assert motor.friction.min() > 0.0
 
 
-def hurried(_: BoundedSolver) -> BoundedSolver:
-    """Stops the solver before it has converged."""
-    return BoundedSolver(1, 2, accept_unfinished=False)
+class FailingSolver(BoundedSolver):
+    """Solves other programs from a tick on, by default with contradictory limits."""
+
+    def __init__(self, first_tick: int = 0, nan: bool = False) -> None:
+        super().__init__(piqp_iterations=30, accept_unfinished=False)
+        self._first_tick, self._nan, self._count = first_tick, nan, 0
+
+    def solve(self, problem: QuadraticProgram) -> np.ndarray | None:
+        self._count += 1
+        if self._count > self._first_tick:
+            broken = {"gradient": np.nan * problem.gradient} if self._nan else {"lower": problem.upper + 1.0}
+            problem = problem._replace(**broken)
+        return super().solve(problem)
 
 
-FAILING_SOLVERS = {"infeasible": contradicting, "late": hurried, "not a number": blind}
-
-
-class TestJoints:
-    """Parts of the command other than torques: gains, references, friction."""
-
-    def control(self, **joints: float) -> WholeBodyControl:
-        return WholeBodyControl(G1, replace(CONFIG, joints=replace(CONFIG.joints, **joints)), dt_s=0.004)
-
-    def test_a_share_of_the_friction_at_the_desired_speed_is_compensated(self) -> None:
-        """Dry friction is proportional to the speed below `friction_speed` and constant above.
-
-        Damping is viscous.
-        """
-        motor, control = G1.motor, self.control(friction_compensation=0.6)
-        for times, developed in ((0.5, 0.5), (-0.5, -0.5), (4.0, 1.0), (-4.0, -1.0)):
-            speed = times * motor.friction_speed
-            expected = 0.6 * (developed * motor.friction + motor.damping * speed)
-            np.testing.assert_allclose(control._friction(speed), expected)
-        assert motor.friction.min() > 0.0
+FAILING_SOLVERS = {
+    "infeasible": FailingSolver(),
+    "late": BoundedSolver(1, 2, accept_unfinished=False),
+    "not a number": FailingSolver(nan=True),
+}
 
 
 class TestTicksWithoutSolution:
-    dynamics = rest_dynamics(BODIES["g1"], G1)
+    @pytest.fixture
+    def control(self) -> WholeBodyControl:
+        return WholeBodyControl(G1, CONFIG, dt_s=0.004)
 
     def command(self, control: WholeBodyControl) -> JointCommand:
         """Command for a robot at rest that must accelerate forward, so that toes and heels differ."""
         desired = STILL["g1"]._replace(centre=np.array([0.8, 0.0, 0.0]))
-        return control.command(self.dynamics, G1.default_pose, np.zeros(12), desired, np.full(8, 300.0))
+        return control.command(REST["g1"], G1.default_pose, np.zeros(N), desired, np.full(8, 300.0))
 
     @pytest.mark.parametrize("why", FAILING_SOLVERS)
-    def test_without_a_solution_the_torques_fade_into_damping_with_a_note(self, why: str) -> None:
-        control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
+    def test_the_torques_fade_into_damping_with_a_note(self, control: WholeBodyControl, why: str) -> None:
         good = self.command(control)
         assert np.abs(good.torque).max() > 3.0
         assert not control.notes
-        control.solver = FAILING_SOLVERS[why](control.solver)
+        control.solver = FAILING_SOLVERS[why]
         for tick in range(1, 6):
             command = self.command(control)
             np.testing.assert_allclose(command.torque, good.torque * np.exp(-0.08 * tick))
             assert np.all(command.kd == 3.0)
-            assert not command.kp.any()
-            assert not command.velocity.any()
+            assert not np.any([command.kp, command.velocity])
             assert control.notes == (control_module.UNSOLVED,)
         assert control.unsolved_ticks == 5
         with pytest.raises(NoSolutionError, match=r"0\.02"):
             self.command(control)
 
-    def test_one_solution_resets_the_count_of_unsolved_ticks(self) -> None:
-        control = WholeBodyControl(G1, CONFIG, dt_s=0.004)
-        sound, unsolvable = control.solver, contradicting(BoundedSolver())
+    def test_one_solution_resets_the_count_of_unsolved_ticks(self, control: WholeBodyControl) -> None:
+        sound, unsolvable = control.solver, FailingSolver()
         for solver in [unsolvable] * 4 + [sound] + [unsolvable] * 4:
             control.solver = solver
             command = self.command(control)
         assert control.unsolved_ticks == 8
         assert np.all(np.isfinite(command.torque))
+
+    def test_a_run_without_a_solution_ends_damped_with_its_reason(self) -> None:
+        policy = Balance(G1)
+        policy.control.solver = FailingSolver(first_tick=100)
+        trace = run_episode(G1, policy, Episode(lambda _: np.zeros(3), duration_s=0.6))
+        assert trace.final_state == "ESTOP"
+        assert "0.1 s" in trace.faults[0]
+
+
+class TestBalance:
+    """Targets at single times, calculated by hand, and a push on a plant without a bus."""
+
+    CONFIG = replace(
+        controller_settings(G1, "balance", BalanceConfig),
+        capture_gain=0.5,
+        max_lead_m=0.2,
+        height=Feedback(60.0, 15.0),
+        attitude=Feedback(100.0, 20.0),
+        posture=Feedback(40.0, 12.0),
+        momentum_damping=2.0,
+        max_force=1.2,
+        settle_s=0.5,
+    )
+    OFF = np.linspace(0.01, 0.2, N)
+
+    @pytest.fixture
+    def policy(self) -> Balance:
+        return Balance(G1, self.CONFIG)
+
+    def seen(self, time_s: float = 9.0, **more: Any) -> PolicyInput:
+        return policy_input(G1, time_s, base_height=0.7, **more)
+
+    def test_the_pressure_lies_beyond_the_capture_point_within_its_limit(self, policy: Balance) -> None:
+        """Capture point x = c + v / w, pressure p = 1.5 x up to 0.2 m, and acceleration w^2 (c - p)."""
+
+        def acceleration(offset: Any, velocity: Any) -> np.ndarray:
+            now = REST["g1"]._replace(centre=offset + REST["g1"].middle, centre_velocity=np.array(velocity))
+            return policy._centre_acceleration(now, 0.6)
+
+        rate = math.sqrt(9.81 / policy.com_height_m)
+        capture = np.array([0.02 + 0.1 / rate, -0.01 - 0.05 / rate])
+        expected = rate**2 * (np.array([0.02, -0.01]) - 1.5 * capture)
+        found = acceleration((0.02, -0.01, 0.6), (0.1, -0.05, 0.0))
+        np.testing.assert_allclose(found, [*expected, 0.0], atol=1e-12)
+        fast = np.array([1.2, 0.5, 0.0])  # a fall forward and a little to the left
+        found = acceleration((0.0, 0.0, 0.6), fast)
+        np.testing.assert_allclose(found[:2], -(rate**2) * 0.2 * fast[:2] / 1.3)
+
+    def test_a_tilted_base_is_turned_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
+        """The acceleration is -100 tilt - 20 rate; roll is 0.02 rad, pitch -0.03 rad."""
+        tilted = self.seen(turn=Rotation.from_rotvec([0.02, -0.03, 0.0]), gyro=(0.1, 0.2, -0.3))
+        dynamics, *_, desired, _ = whole_body_arguments(policy, monkeypatch, tilted)
+        np.testing.assert_allclose(desired.attitude, [-2.0 - 2.0, 3.0 - 4.0, 6.0], atol=0.05)
+        np.testing.assert_allclose(desired.momentum_rate, -2.0 * dynamics.angular_momentum)
+
+    def test_after_a_reset_the_pose_is_reached_in_time(
+        self, policy: Balance, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """After a fifth of the time the targets have moved by a fifth, in joints and height."""
+        crouched = self.seen(0.0, joint=G1.default_pose + self.OFF)
+        policy.control.unsolved_ticks = 3
+        policy.reset(crouched)
+        assert policy.control.unsolved_ticks == 0
+        crouched.sensed.joint_position[:] = 99.0
+        for time_s, share in ((0.0, 0.0), (0.1, 0.2), (0.5, 1.0), (3.0, 1.0)):
+            now = self.seen(time_s, joint=G1.default_pose + self.OFF)
+            dynamics, *_, desired, _ = whole_body_arguments(policy, monkeypatch, now)
+            np.testing.assert_allclose(desired.joints, -40.0 * share * self.OFF, atol=1e-9)
+            low = float((dynamics.centre - dynamics.foot.mean(axis=0))[2]) - policy.com_height_m
+            assert desired.centre[2] == pytest.approx(-60.0 * share * low)
+            assert abs(low) > 1e-3
+
+    def test_both_feet_stand(self, policy: Balance) -> None:
+        assert policy.stance().tolist() == [1.0, 1.0]  # type: ignore[union-attr]
+        assert (policy.rate_hz, policy.needs_estimate) == (self.CONFIG.rate_hz, True)
+
+    def test_a_small_push_is_balanced_without_a_step(self) -> None:
+        policy, push = Balance(G1), (0.6, np.array([-0.15, -0.15, 0.0]))
+        result = walk(policy, DirectPlant(G1, seed=3), lambda _: np.zeros(3), 2.5, push=push)
+        assert (result.fell, policy.control.unsolved_ticks) == (False, 0)
+        moved = np.linalg.norm(np.array(result.position) - result.position[0], axis=1)
+        assert moved.max() > 0.015
+        assert moved[-1] < 0.02
+        assert np.linalg.norm(result.velocity[-1]) < 0.05

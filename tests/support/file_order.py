@@ -28,7 +28,7 @@ LONGEST = (
     "examples/test_notebook.py",
     "train/test_rsl_rl.py",
     "footfall/test_cli_process.py",
-    "policies/test_controllers_biped.py",
+    "policies/test_controllers_step.py",
     "envs/test_locomotion.py",
     "plant/test_sensors.py",
     "robots/importer/test_create.py",
@@ -58,7 +58,6 @@ LONGEST = (
     "deploy/test_foot_force.py",
     "train/test_actuator_net.py",
     "plant/test_walking.py",
-    "policies/test_controllers_walk_gaits.py",
     "policies/test_jump.py",
     "footfall/test_cli_bad_input.py",
 )
