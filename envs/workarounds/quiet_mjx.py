@@ -1,7 +1,7 @@
 """MJX, imported without its two lines on stdout about Warp, which is not used here.
 
 `mujoco/mjx/warp/__init__.py` prints them if the package `warp` is not installed. Remove this module when
-`tests/envs/test_quiet_mjx.py` fails because MJX is quiet by itself.
+MJX is quiet by itself; `tests/envs/test_workarounds.py` fails for a release that was not tried.
 """
 
 import io

@@ -1,84 +1,89 @@
-"""From joint goals to the targets of the motors: delays, limits, each robot's motors."""
+"""From joint goals to the motors' torque: delays, limits, lost frames, the battery, differing motors."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from go1_smoke import ROBOT, SMOKE, N
+from changed_robots import described
+from go1_smoke import IN_C, ROBOT, SMOKE, N
+from some_net import with_net
 
 from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.actuation import Actuation
+from footfall.envs.config import ObservationConfig
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.interface import Drive, joint_effort
+from footfall.envs.state import State
 from footfall.robots.actuator import JointCommand, joint_torque, motor_torque
+from footfall.robots.battery import Battery
 
 SUBSTEPS = 4
 CONFIG = replace(SMOKE, control_rate_hz=40.0, substeps=SUBSTEPS)
+DEFAULT = jnp.asarray(ROBOT.default_pose, jnp.float32)
 
 
-class TestActuation:
-    @pytest.mark.parametrize(
-        ("steps", "new"), [(0.0, [1, 1, 1, 1]), (1.0, [0, 1, 1, 1]), (2.25, [0, 0, 0.75, 1])]
+@pytest.mark.parametrize(
+    ("steps", "new"), [(0.0, [1, 1, 1, 1]), (1.0, [0, 1, 1, 1]), (2.25, [0, 0, 0.75, 1])]
+)
+def test_a_goal_reaches_the_motors_when_its_delay_is_over(steps: float, new: list[float]) -> None:
+    """Times are in physics steps; a goal acts for the rest of the step in which it arrives."""
+    goals = jnp.stack([DEFAULT + 1e-3, DEFAULT, DEFAULT])  # near enough that the rate limit has no effect
+    delay = {"action_delay_s": jnp.float32(steps * CONFIG.timestep_s)}
+    targets = Actuation(ROBOT, CONFIG).targets(goals, DEFAULT, delay)
+    np.testing.assert_allclose(targets, ROBOT.default_pose + 1e-3 * np.array(new)[:, None], atol=2e-6)
+
+
+def test_each_joint_has_its_own_limits_rate_and_gains() -> None:
+    actuation, away = Actuation(ROBOT, CONFIG), np.where(np.arange(N) % 2, 50.0, -50.0)
+    goals = jnp.asarray(np.stack([ROBOT.default_pose + away] * 3), jnp.float32)
+    rate = ROBOT.description.target_rate_rad_s * CONFIG.timestep_s
+    reached = ROBOT.default_pose + np.outer(np.arange(1, SUBSTEPS + 1), np.sign(away) * rate)
+    np.testing.assert_allclose(
+        actuation.targets(goals, DEFAULT, {}), np.clip(reached, *ROBOT.soft_limits), rtol=1e-5, atol=1e-6
     )
-    def test_a_goal_reaches_the_motors_when_its_delay_is_over(self, steps: float, new: list[float]) -> None:
-        """Times are in physics steps; a goal acts for the rest of the step in which it arrives."""
-        default = jnp.asarray(ROBOT.default_pose, jnp.float32)
-        goals = jnp.stack([default + 1e-3, default, default])  # near enough that the rate limit has no effect
-        delay_s = jnp.float32(steps * CONFIG.timestep_s)
-        targets = np.asarray(Actuation(ROBOT, CONFIG).targets(goals, default, {"action_delay_s": delay_s}))
-        expected = ROBOT.default_pose + 1e-3 * np.array(new)[:, None]
-        np.testing.assert_allclose(targets, expected, atol=2e-6)
+    np.testing.assert_allclose(actuation.peak_torque, ROBOT.motor.peak_torque, rtol=1e-6)
 
-    def test_each_joint_has_its_own_limits_rate_and_gains(self) -> None:
-        actuation = Actuation(ROBOT, CONFIG)
-        lower, upper = ROBOT.soft_limits
-        default = jnp.asarray(ROBOT.default_pose, jnp.float32)
-        away = np.where(np.arange(N) % 2, 50.0, -50.0)
-        goals = jnp.asarray(np.stack([ROBOT.default_pose + away] * 3), jnp.float32)
-        targets = np.asarray(actuation.targets(goals, default, {}))
-        rate = ROBOT.description.target_rate_rad_s * CONFIG.timestep_s
-        for k in range(SUBSTEPS):
-            expected = np.clip(ROBOT.default_pose + np.sign(away) * rate * (k + 1), lower, upper)
-            np.testing.assert_allclose(targets[k], expected, rtol=1e-5, atol=1e-6)
-        np.testing.assert_allclose(actuation.peak_torque, ROBOT.motor.peak_torque, rtol=1e-6)
 
-    def test_a_sampled_robots_motors_differ_by_joint(self) -> None:
-        rng = np.random.default_rng(5)
-        names = ("kp", "kd", "motor_strength", "joint_friction", "joint_damping", "encoder_bias")
-        sample = {name: jnp.asarray(rng.uniform(0.5, 1.5, N), jnp.float32) for name in names}
-        targets = jnp.asarray(rng.normal(size=(SUBSTEPS, N)), jnp.float32)
-        drive = Actuation(ROBOT, CONFIG).drive(targets, sample)
-        np.testing.assert_array_equal(drive.target, targets)
-        np.testing.assert_allclose(drive.kp, ROBOT.kp * np.asarray(sample["kp"]), rtol=1e-5)
-        np.testing.assert_allclose(drive.kd, ROBOT.kd * np.asarray(sample["kd"]), rtol=1e-5)
-        np.testing.assert_array_equal(drive.encoder_bias, sample["encoder_bias"])
-        np.testing.assert_allclose(drive.motor.strength, sample["motor_strength"], rtol=1e-5)
-        np.testing.assert_allclose(
-            drive.motor.damping, ROBOT.motor.damping + np.asarray(sample["joint_damping"]), rtol=1e-5
-        )
+def test_a_sampled_robots_motors_differ_by_joint() -> None:
+    rng = np.random.default_rng(5)
+    names = ("kp", "kd", "motor_strength", "joint_friction", "joint_damping", "encoder_bias")
+    sample = {name: jnp.asarray(rng.uniform(0.5, 1.5, N), jnp.float32) for name in names}
+    targets = jnp.asarray(rng.normal(size=(SUBSTEPS, N)), jnp.float32)
+    drive = Actuation(ROBOT, CONFIG).drive(targets, sample)
+    for found, expected in (
+        (drive.target, targets),
+        (drive.encoder_bias, sample["encoder_bias"]),
+        (drive.kp, ROBOT.kp * sample["kp"]),
+        (drive.kd, ROBOT.kd * sample["kd"]),
+        (drive.motor.strength, sample["motor_strength"]),
+        (drive.motor.damping, ROBOT.motor.damping + sample["joint_damping"]),
+    ):
+        np.testing.assert_allclose(found, expected, rtol=1e-5)
 
-    @pytest.mark.parametrize(
-        ("name", "limit"),
-        [
-            ("action_delay_s", "0.05"),
-            ("action_swing_s", "0.05"),
-            ("observation_delay_s", "0.025"),
-            ("observation_jitter_s", "0.025"),
-        ],
+
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [
+        ("action_delay_s", 0.05),
+        ("action_swing_s", 0.05),
+        ("observation_delay_s", 0.025),
+        ("observation_jitter_s", 0.025),
+    ],
+)
+def test_delays_must_fit_the_buffers(name: str, limit: float) -> None:
+    """The buffers keep three goals and the readings of two control steps of 25 ms."""
+    within, beyond = (
+        replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, limit + more)}))
+        for more in (0.0, 0.001)
     )
-    def test_delays_must_fit_the_buffers(self, name: str, limit: str) -> None:
-        """The buffers keep three goals and the readings of two control steps of 25 ms."""
-        within, beyond = (
-            replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, float(limit) + more)}))
-            for more in (0.0, 0.001)
-        )
-        LocomotionEnv(ROBOT, within)
-        with pytest.raises(UserError, match=f"{name}: .*{limit}"):
-            LocomotionEnv(ROBOT, beyond)
+    LocomotionEnv(ROBOT, within)
+    with pytest.raises(UserError, match=f"{name}: .*{limit}"):
+        LocomotionEnv(ROBOT, beyond)
 
 
 def test_the_joint_law_of_a_physics_step_reads_the_motors_own_encoders() -> None:
@@ -90,11 +95,92 @@ def test_the_joint_law_of_a_physics_step_reads_the_motors_own_encoders() -> None
     velocity = rng.uniform(0.5, 2.0, N)
     drive = Drive(np.zeros((1, N)), 20 * rng.uniform(0.5, 1.5, N), rng.uniform(0.5, 1.5, N), motor, bias)
     effort = joint_effort(drive, target, position, velocity, 0.004)
-    command = JointCommand(target, 0.0, drive.kp, drive.kd, 0.0)
-    np.testing.assert_allclose(effort.motor_torque, motor_torque(command, position + bias, velocity, motor))
-    np.testing.assert_allclose(effort.torque, joint_torque(command, position + bias, velocity, motor))
-    slope = (
-        joint_torque(command, position + bias, velocity + 1e-6, motor)
-        - joint_torque(command, position + bias, velocity - 1e-6, motor)
-    ) / 2e-6
-    np.testing.assert_allclose(effort.inertia, -0.5 * 0.004 * slope, rtol=1e-5)
+    command, read = JointCommand(target, 0.0, drive.kp, drive.kd, 0.0), position + bias
+    np.testing.assert_allclose(effort.motor_torque, motor_torque(command, read, velocity, motor))
+    np.testing.assert_allclose(effort.torque, joint_torque(command, read, velocity, motor))
+    faster, slower = (joint_torque(command, read, velocity + change, motor) for change in (1e-6, -1e-6))
+    np.testing.assert_allclose(effort.inertia, -0.5 * 0.004 * (faster - slower) / 2e-6, rtol=1e-5)
+
+
+class TestLateness:
+    """Lost frames, jitter and swings of the delay."""
+
+    def walked(self, **drawn: float) -> tuple[State, np.ndarray]:
+        """The last state of 16 robots, and the observations (steps, robots, 2n), under fixed actions."""
+        terms = (ObservationConfig("joint_position"), ObservationConfig("joint_velocity", 0.05))
+        ranges = Randomisation(**{name: Distribution(value, value) for name, value in drawn.items()})
+        env = LocomotionEnv(ROBOT, replace(IN_C, observation=terms, randomisation=ranges))
+        state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(4), 16))
+        step, seen = jax.jit(jax.vmap(env.step)), []
+        for k in range(6):
+            state, result = step(state, 0.5 * jnp.sin(k + jnp.arange(12.0)) * jnp.ones((16, 1)))
+            seen.append(np.asarray(result.observation["state"]))
+        return state, np.array(seen)
+
+    def test_late_and_lost_frames_change_what_they_carry_and_no_other_draw(self) -> None:
+        """In 0.4 of the steps, both position and velocity of a motor stay the same."""
+        before, seen = self.walked()
+        lossy, fewer = self.walked(lost_replies=0.4)
+        late, _ = self.walked(action_jitter_s=0.01, lost_commands=0.2, action_swing_s=0.005)
+        for name in ("command", "key", "goals"):
+            np.testing.assert_array_equal(getattr(before, name), getattr(lossy, name))
+            np.testing.assert_array_equal(getattr(before, name), getattr(late, name))
+        np.testing.assert_array_equal(before.qpos, lossy.qpos)
+        changed = ~np.isclose(seen, fewer, atol=1e-6)
+        assert changed[..., :12].mean() == pytest.approx(0.4, abs=0.06)
+        assert (changed[..., :12] == changed[..., 12:]).mean() > 0.98
+        assert float(jnp.abs(late.qpos - before.qpos).max()) > 1e-3
+        assert (before.lateness_s, late.lateness_s.shape) == (None, (16, 3, 12))
+        assert 0.0 < float(late.lateness_s[:, 0].mean()) < 0.02
+
+
+class TestSupply:
+    """A battery in training: its voltage sags with the motors' power and weakens them."""
+
+    PACK = Battery(8, 230.0, 0.05, idle_w=20.0)
+    DRAWN = replace(IN_C, randomisation=Randomisation(battery_charge=Distribution(0.2, 0.4)))
+
+    def test_the_voltage_satisfies_the_packs_equations_and_scales_the_next_torque_speed_line(self) -> None:
+        env = LocomotionEnv(described(ROBOT, battery=self.PACK), self.DRAWN)
+        state = env.reset(jax.random.PRNGKey(0))[0]
+        charge = float(state.sample["battery_charge"])
+        assert 0.2 <= charge <= 0.4
+        state = state._replace(goals=state.goals + 0.2)
+        after, trace = env.simulate(state)
+        speed = np.concatenate([state.qvel[None], trace.qvel])[:, env.scene.dofs]
+        shaft_w = (trace.torque * 0.5 * (speed[:-1] + speed[1:])).sum(axis=-1)
+        power_w = (
+            float((shaft_w + (ROBOT.copper_loss * trace.torque**2).sum(axis=-1)).mean()) + self.PACK.idle_w
+        )
+        volts = float(after.supply) * self.PACK.nominal_v
+        lost_v = self.PACK.open_circuit_v(charge) - volts
+        assert lost_v > 0.2
+        assert volts * lost_v / self.PACK.internal_resistance_ohm == pytest.approx(power_w, rel=1e-3)
+        motor = env.actuation.drive(jnp.zeros((1, 12)), after.sample, after.supply).motor
+        for line in ("stall_torque", "no_load_speed"):
+            expected = getattr(ROBOT.motor, line) * after.supply
+            np.testing.assert_allclose(getattr(motor, line), expected, rtol=1e-6)
+        assert env.restart(after)[0].supply > after.supply
+
+    def test_a_charge_needs_a_battery_and_without_a_charge_the_supply_is_nominal(self) -> None:
+        with pytest.raises(UserError, match="battery_charge"):
+            LocomotionEnv(ROBOT, self.DRAWN)
+        env = LocomotionEnv(described(ROBOT, battery=self.PACK), IN_C)
+        assert env.reset(jax.random.PRNGKey(0))[0].supply is None
+
+
+def test_the_motors_memory_acts_and_does_not_reach_the_next_episode(tmp_path: Path) -> None:
+    """Lagged torque, and the inputs of a learned part of the joint law."""
+    lag = replace(IN_C, randomisation=Randomisation(torque_lag_s=Distribution(0.001, 0.006)))
+    plain, with_both = (LocomotionEnv(robot, lag) for robot in (ROBOT, with_net(ROBOT, tmp_path / "go1")))
+    moved = []
+    for env in (plain, with_both):
+        state = jax.jit(env.reset)(jax.random.PRNGKey(3))[0]
+        moved.append(jax.jit(env.simulate)(state._replace(goals=state.goals + 0.2))[0])
+    restarted = jax.jit(with_both.restart)(moved[1])[0]
+    for memory in ("lagged_torque", "net_memory"):
+        assert not getattr(state, memory).any()
+        assert jnp.abs(getattr(moved[1], memory)).max() > 0.1
+        assert not getattr(restarted, memory).any()
+    assert moved[0].net_memory is None
+    assert jnp.abs(moved[1].qvel - moved[0].qvel).max() > 0.1

@@ -1,7 +1,5 @@
 """Points on trunk and limbs lie on MuJoCo's shapes of the robot, and terms see them in the ground."""
 
-from functools import partial
-
 import jax
 import jax.numpy as jnp
 import mujoco
@@ -22,14 +20,17 @@ STEP_S = 1 / 200
 
 def to_shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: np.ndarray) -> np.ndarray:
     """Distance of points (n, 3) from the core of a shape: a box, or the line or point inside a round one."""
-    own = np.abs((point - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
-    size = model.geom_size[geom]
-    cores = {
-        int(mujoco.mjtGeom.mjGEOM_SPHERE): np.zeros(3),
-        int(mujoco.mjtGeom.mjGEOM_CAPSULE): np.array([0.0, 0.0, size[1]]),
-        int(mujoco.mjtGeom.mjGEOM_BOX): size,
-    }
-    return np.linalg.norm(np.maximum(own - cores[int(model.geom_type[geom])], 0.0), axis=1)
+    own, size = (
+        np.abs((point - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)),
+        model.geom_size[geom],
+    )
+    kind = mujoco.mjtGeom(model.geom_type[geom]).name
+    core = {
+        "mjGEOM_SPHERE": np.zeros(3),
+        "mjGEOM_CAPSULE": np.array([0.0, 0.0, size[1]]),
+        "mjGEOM_BOX": size,
+    }[kind]
+    return np.linalg.norm(np.maximum(own - core, 0.0), axis=1)
 
 
 @pytest.mark.parametrize("name", ["go1", "hexapod", "g1"])
@@ -52,8 +53,8 @@ def test_points_are_on_the_shapes_that_can_collide_and_move_with_the_joints(name
     assert (distances < 1e-5).any(axis=1).all()  # no shape is without a point
     base = model.body(robot.description.base).id
     on_base = distances[model.geom_bodyid[shapes] == base].min(axis=0) < 1e-5
-    assert np.all(on_base[points.on_base])
     assert points.on_base.any()
+    assert np.all(on_base[points.on_base])
 
 
 @pytest.fixture(scope="module")
@@ -68,20 +69,13 @@ def sunk_to(data: StepData, bottom_m: float) -> StepData:
 
 
 def test_a_trunk_in_the_ground_ends_the_episode_and_standing_does_not(standing: StepData) -> None:
-    assert collision(standing) == 0.0
-    assert not base_contact(standing)
     lying = sunk_to(standing, -0.02)
-    assert float(jnp.max(lying.depth[np.flatnonzero(standing.scene.body.on_base)])) == pytest.approx(
-        0.02, abs=1e-6
-    )
+    depth_m = lying.depth[np.flatnonzero(standing.scene.body.on_base)].max()
+    assert (float(collision(standing)), float(depth_m)) == (0.0, pytest.approx(0.02, abs=1e-6))
     assert base_contact(lying)
     assert not base_contact(lying, depth_m=0.03)
-    assert not base_contact(sunk_to(standing, 0.01))
-
-
-def step_at(position: jax.Array, edge_m: float, height_m: float) -> jax.Array:
-    """Height of a step that begins at x = edge_m."""
-    return jnp.where(position[..., 0] >= edge_m, height_m, -1.0)
+    for clear in (standing, sunk_to(standing, 0.01)):
+        assert not base_contact(clear)
 
 
 @pytest.mark.parametrize("edge_m", np.arange(-0.1, 0.08, 0.03))
@@ -90,9 +84,6 @@ def test_an_edge_of_a_step_under_a_tilted_trunk_ends_the_episode(standing: StepD
     turned = jnp.asarray(standing.qpos).at[3:7].set([np.cos(pitch / 2), 0.0, np.sin(pitch / 2), 0.0])
     tilted = standing._replace(qpos=standing.scene.base.at_height(turned, jnp.float32(0.0)))
     lower_face = -0.05 / np.cos(pitch) - edge_m * np.tan(pitch)  # height above x = edge_m
-    over, touched = (
-        tilted._replace(ground=partial(step_at, edge_m=edge_m, height_m=lower_face + deeper))
-        for deeper in (-0.02, 0.035)
-    )
-    assert not base_contact(over)
-    assert base_contact(touched)
+    for height_m, touched in ((lower_face - 0.02, False), (lower_face + 0.035, True)):
+        edge = tilted._replace(ground=lambda p, h=height_m: jnp.where(p[..., 0] >= edge_m, h, -1.0))
+        assert base_contact(edge) == touched

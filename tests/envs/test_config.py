@@ -4,12 +4,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
-from go1_smoke import ROBOT, SMOKE
+from go1_smoke import SMOKE
 
 from footfall.common.config import merged
 from footfall.domain_rand.distributions import Distribution
 from footfall.envs.config import CommandConfig, EventConfig, GaitConfig, ObservationConfig, with_lists
-from footfall.envs.contract import make_contract
 from footfall.envs.old_settings import with_current_state, with_terms
 from footfall.robots.commands import CommandRange
 
@@ -32,11 +31,11 @@ RANGES = CommandRange((-1.0, 1.0), (-0.5, 0.5), (-1.0, 1.0))
         lambda: EventConfig("push", interval_s=Distribution(0.0, 1.0)),
         lambda: ObservationConfig("gyro", history=0),
         *(
-            lambda change=change: replace(CONFIG, **change)
-            for change in (
-                {"control_rate_hz": 0.9}, {"control_rate_hz": 1000.1}, {"episode_s": 0.0},
-                {"speed_limit": 0.0}, {"curriculum_steps": -1}, {"reward_floor": 0.1}, {"substeps": 1},
-                {"episode_s": 0.0249},
+            lambda name=name, value=value: replace(CONFIG, **{name: value})
+            for name, value in (
+                ("control_rate_hz", 0.9), ("control_rate_hz", 1000.1), ("episode_s", 0.0),
+                ("speed_limit", 0.0), ("curriculum_steps", -1), ("reward_floor", 0.1), ("substeps", 1),
+                ("episode_s", 0.0249),
             )
         ),
     ],
@@ -113,8 +112,3 @@ def test_an_older_checkpoint_has_the_parts_of_todays_state() -> None:
     assert with_current_state(today) == today
     assert with_current_state({"frames": 2, "recent_readings": 1}) == {"history": 2, "recent_readings": 1}
     assert with_current_state({"piece": 2, "asked": 1.5}) == {"piece": 2, "commanded": 1.5}
-
-
-def test_an_action_is_the_presets_share_of_the_robots_scale() -> None:
-    contract = make_contract(ROBOT, replace(SMOKE, action_scale=0.5))
-    assert contract.action_scale_rad == tuple((0.5 * ROBOT.action_scale).tolist())

@@ -1,15 +1,17 @@
-"""The kernel for GPUs computes the same as the program for processors.
-
-If it cannot be called, the reason is named.
-"""
+"""The kernel for GPUs computes the same as the program for processors, and how XLA launches it."""
 
 import ctypes
 import shutil
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import repeat
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
-import mujoco
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from made_up import BIPED, FIVE, SOLES
@@ -19,7 +21,7 @@ from footfall.envs.physics.generated import driver, handler, kernels, nvrtc, on_
 from footfall.envs.physics.generated.arguments import arguments
 from footfall.envs.physics.generated.cuda import NAME, kernel_source, lanes_of
 from footfall.envs.physics.generated.driver import DriverError
-from footfall.envs.physics.generated.handler import Launch
+from footfall.envs.physics.generated.handler import LAUNCHER, Launch
 from footfall.envs.physics.generated.limb_program import substep_by_threads
 from footfall.envs.physics.generated.llvm import Program
 from footfall.envs.physics.generated.nvrtc import NvrtcError
@@ -96,7 +98,8 @@ def test_the_kernel_computes_the_same_as_the_program_for_processors(
     robot = load_robot(name)
     model = training_model(robot, exact_friction=exact)
     given = random_arguments(robot, model, ROBOTS, load_preset("gpu", robot).env.randomisation)
-    given["qpos"][::2, 7::3] = _legs_that_meet(model, len(robot.joint_names) // 3)
+    hips = given["qpos"][::2, 7::3]  # anywhere in their range, so that legs meet
+    hips[:] = np.random.default_rng(0).uniform(*model.jnt_range[1::3].T, hips.shape)
     fields = {name: value.shape[1:] for name, value in given.items() if hasattr(model, name)}
     step = substep(model, robot, fields, SINGLE)
     inputs, outputs = arguments(step)
@@ -105,21 +108,18 @@ def test_the_kernel_computes_the_same_as_the_program_for_processors(
     Program(step, STEPS)([np.ascontiguousarray(a) for a in arrays] + expected, 0, ROBOTS)
 
     # In memory the robots lie side by side, as the kernel's caller asks of JAX.
-    beside = [np.ascontiguousarray(np.moveaxis(a, 0, -1)) for a in (*arrays, *expected)]
-    for result in beside[len(arrays) :]:
+    memory = [np.ascontiguousarray(np.moveaxis(a, 0, -1)) for a in (*arrays, *expected)]
+    results = memory[len(arrays) :]
+    for result in results:
         result[:] = np.nan
-    names = ", ".join(f"a[{k}]" for k in range(len(beside)))
-    own = write(model, robot, fields, SINGLE)
-    source = kernel_source(own, STEPS, ROBOTS, BLOCK, 4)
-    text = PRELUDE + source + EPILOGUE.replace("NAME", NAME).replace("ARGUMENTS", names)
-    (tmp_path / "kernel.cpp").write_text(text)
-    library = tmp_path / "kernel.so"
-    subprocess.run(
-        [COMPILER, "-O0", "-w", "-shared", "-fPIC", "-o", library, tmp_path / "kernel.cpp"], check=True
-    )
-    pointers = (ctypes.c_void_p * len(beside))(*(a.ctypes.data for a in beside))
-    ctypes.CDLL(str(library)).all(-(-ROBOTS * lanes_of(own) // BLOCK), BLOCK, pointers)
-    for each, found, alone in zip(outputs, beside[len(arrays) :], expected, strict=True):
+    own, names = write(model, robot, fields, SINGLE), ", ".join(f"a[{k}]" for k in range(len(memory)))
+    epilogue = EPILOGUE.replace("NAME", NAME).replace("ARGUMENTS", names)
+    (tmp_path / "kernel.cpp").write_text(PRELUDE + kernel_source(own, STEPS, ROBOTS, BLOCK, 4) + epilogue)
+    command = [COMPILER, "-O0", "-w", "-shared", "-fPIC", "-o", "kernel.so", "kernel.cpp"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    pointers = (ctypes.c_void_p * len(memory))(*(a.ctypes.data for a in memory))
+    ctypes.CDLL(str(tmp_path / "kernel.so")).all(-(-ROBOTS * lanes_of(own) // BLOCK), BLOCK, pointers)
+    for each, found, alone in zip(outputs, results, expected, strict=True):
         difference = np.abs(np.moveaxis(found, -1, 0) - alone).reshape(ROBOTS, -1).max(axis=1)
         # In single precision four iterations for an elliptic cone end at different points now and then.
         assert np.quantile(difference, 0.75 if exact else 1.0) < 1e-4 * np.abs(alone).max(), each.name
@@ -131,52 +131,107 @@ def test_limbs_that_differ_are_computed_by_one_thread(bodies: dict[str, Robot]) 
         assert substep_by_threads(training_model(robot), robot, {}, SINGLE).limbs == threads, kind
 
 
-def _legs_that_meet(model: mujoco.MjModel, limbs: int) -> np.ndarray:
-    """Angles of each leg's first joint, anywhere in its range."""
-    lower, upper = model.jnt_range[1::3].T
-    return np.random.default_rng(0).uniform(lower, upper, (-(-ROBOTS // 2), limbs))
-
-
 def test_the_reason_why_no_kernel_can_be_called_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "driver" in on_gpu.unavailable() or "libnvrtc" in on_gpu.unavailable()  # there is no GPU here
-
-    def missing(*_: object) -> None:
-        raise NvrtcError("libnvrtc is not installed")
-
-    def too_old(*_: object) -> None:
-        raise DriverError("the driver is too old")
-
     monkeypatch.setattr(nvrtc, "library", lambda: None)
-    monkeypatch.setattr(driver, "capability", lambda: 90)
-    assert on_gpu.unavailable() == ""
-    monkeypatch.setattr(driver, "capability", lambda: 75)
-    assert "7.5" in on_gpu.unavailable()
-    monkeypatch.setattr(driver, "capability", too_old)
-    assert "too old" in on_gpu.unavailable()
-    monkeypatch.setattr(nvrtc, "library", missing)
-    assert "libnvrtc" in on_gpu.unavailable()
-    monkeypatch.setattr(handler, "version", lambda: (1, 0))
-    assert "version 1" in on_gpu.unavailable()
+    for module, function, result, reason in (
+        (driver, "capability", 90, ""), (driver, "capability", 75, "7.5"),
+        (driver, "capability", DriverError("the driver is too old"), "too old"),
+        (nvrtc, "library", NvrtcError("libnvrtc is not installed"), "libnvrtc"),
+        (handler, "version", (1, 0), "version 1"),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, function, Mock(side_effect=repeat(result)))
+        assert reason in on_gpu.unavailable()
+        assert bool(on_gpu.unavailable()) == bool(reason)
 
 
 def test_a_kernel_is_compiled_once_and_stored_in_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    loaded, compiled = [], []
-
-    def compile_code() -> bytes:
-        compiled.append("code")
-        return b"code"
-
+    load, compile_code = Mock(return_value=5), Mock(return_value=b"code")
     monkeypatch.setattr(driver, "launch_address", lambda: 1)
-    monkeypatch.setattr(driver, "load", lambda code, name, devices: loaded.append(code) or 5)
+    monkeypatch.setattr(driver, "load", load)
     monkeypatch.setattr(kernels, "_registered", {})
     launch = Launch(inputs=2, outputs=1, blocks=3, threads=64)
     for _ in range(2):
         kernels.register("stored", launch, compile_code)
     kernels.register("never_called", launch, compile_code, compile_now=False)
-    assert kernels.compiled() == [("stored", b"code", launch)]
-    assert (compiled, loaded) == (["code"], [b"code"])
     taken = kernels.compiled()
+    assert taken == [("stored", b"code", launch)]
+    assert [call.args[0] for call in load.call_args_list] == [b"code"]
     kernels._registered.clear()
     kernels.adopt(taken)
     assert kernels.compiled() == taken
-    assert compiled == ["code"]
+    assert compile_code.call_count == 1
+
+
+@contextmanager
+def kernel(name: str, handle: int, loaded: int = 0) -> Iterator[tuple[Any, list[Any]]]:
+    """A compiled program that calls a kernel for a + 2 b, four entries each, and its launches' arguments."""
+    seen: list[Any] = []
+    slot = ctypes.c_void_p(handle)
+
+    def launch(kernel: int, *rest: Any) -> int:
+        *grid, _, _, parameters, _ = rest
+        seen.append((kernel, tuple(grid)))
+        a, b, result = (ctypes.cast(parameters[k][0], ctypes.POINTER(ctypes.c_float)) for k in range(3))
+        for k in range(4):
+            result[k] = a[k] + 2.0 * b[k]
+        return 0
+
+    def wait() -> None:
+        seen.append("waited")
+        slot.value = loaded
+
+    launcher, waiter = LAUNCHER(launch), ctypes.CFUNCTYPE(None)(wait)
+    addresses = [handler.address_of(each) for each in (launcher, waiter)]
+    kept, address = handler.compiled(
+        Launch(2, 1, 5, 64), addresses[0], ctypes.addressof(slot), addresses[1], on_stream=False
+    )
+    jax.ffi.register_ffi_target(name, handler.capsule(address), platform="cpu")
+    yield jax.jit(jax.ffi.ffi_call(name, jax.ShapeDtypeStruct((4,), jnp.float32))), seen
+    del kept
+
+
+def test_a_kernel_gets_its_arguments_in_order_and_the_first_call_waits_until_it_is_loaded() -> None:
+    launched = (5, 1, 1, 64, 1, 1)
+    for handle, loaded, expected in ((7, 0, [(7, launched)] * 2), (0, 9, ["waited", *[(9, launched)] * 2])):
+        with kernel(f"handle_{handle}", handle, loaded) as (program, seen):
+            for _ in range(2):
+                result = program(jnp.arange(4, dtype=jnp.float32), jnp.ones(4))
+                assert np.array_equal(result, [2.0, 3.0, 4.0, 5.0])
+        assert seen == expected
+
+
+def words(*values: int | None) -> Any:
+    """A structure of XLA's interface with fields of eight bytes each."""
+    return (ctypes.c_void_p * len(values))(*values)
+
+
+def test_on_a_gpu_the_kernel_is_launched_on_xlas_stream() -> None:
+    """The call's frame has the layout of `c_api.h`."""
+    streams = []
+
+    @LAUNCHER
+    def launch(*given: Any) -> int:
+        streams.append(given[8])
+        return 0
+
+    @ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.POINTER(ctypes.c_void_p))
+    def get_stream(request: Any) -> None:
+        assert request[2] == 77, "the execution's context"
+        request[3] = 4711
+
+    kept, address = handler.compiled(Launch(1, 0, 1, 32), handler.address_of(launch))
+    data = ctypes.c_float(1.0)
+    buffer = words(48, None, 11, ctypes.addressof(data), 1, None)
+    inputs, types = words(ctypes.addressof(buffer)), words(1)
+    interface = words(152, None, 24, None, 3 << 32, *[None] * 5, handler.address_of(get_stream), *[None] * 10)
+    frame = words(
+        168, None, ctypes.addressof(interface), 77, 3,
+        40, None, 1, ctypes.addressof(types), ctypes.addressof(inputs),
+        40, None, 0, None, None,
+        40, None, 0, None, None, None, None,
+    )  # fmt: skip
+    function = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)(address)
+    assert function(ctypes.addressof(frame)) is None
+    assert streams == [4711]
+    del kept

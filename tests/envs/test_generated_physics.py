@@ -1,15 +1,19 @@
 """The generated physics moves any robot as MuJoCo C does, and names features that it cannot generate."""
 
 import copy
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import jax
 import mujoco
 import numpy as np
 import pytest
 from physics_parity import compare, random_arguments
+from some_net import with_net
 
+from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.physics.engines import make_engine
 from footfall.envs.physics.generated import llvm, on_processor
@@ -46,9 +50,7 @@ def test_four_steps_equal_mujocos_in_double_precision(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "optimisation"), [("go1", SHIPPED), ("hexapod", 0), ("g1", 0)])
-def test_a_step_equals_mujocos_in_float32(
-    name: str, optimisation: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_float32_steps_are_mujocos(name: str, optimisation: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(llvm, "OPTIMISATION", optimisation)
     robot = load_robot(name)
     found = errors(robot, training_model(robot), np.float32, 400)
@@ -106,22 +108,14 @@ EVERY_FEATURE = f"""<mujoco>{OPTIONS}<compiler angle="radian"/>
   <pair geom1="knob" geom2="left" condim="3"/></contact></mujoco>"""
 
 
-def stand_in(joints: tuple[str, ...], *feet: str) -> Any:
-    """The attributes of a robot that its motion depends on."""
-    n, go1 = len(joints), load_robot("go1")
-    return SimpleNamespace(
-        joint_names=joints,
-        description=SimpleNamespace(feet=[SimpleNamespace(geoms=(foot,)) for foot in feet]),
-        default_pose=np.full(n, 0.1),
-        kp=np.full(n, 8.0),
-        kd=np.full(n, 0.3),
-        motor=jax.tree.map(lambda value: np.broadcast_to(value, 12)[:n], go1.motor),
-    )
-
-
-def test_every_kind_of_joint_and_contact_equals_mujocos() -> None:
+def test_every_kind_of_joint_and_contact_equals_mujocos(go1: Robot) -> None:
     """The model has hinges off the origin, a body without hinges, a spring, a slope, spheres, capsules."""
-    model, robot = mujoco.MjModel.from_xml_string(EVERY_FEATURE), stand_in(("a", "b", "c"), "sphere")
+    model = mujoco.MjModel.from_xml_string(EVERY_FEATURE)
+    robot: Any = SimpleNamespace(
+        joint_names=("a", "b", "c"), default_pose=np.full(3, 0.1), kp=np.full(3, 8.0), kd=np.full(3, 0.3),
+        description=SimpleNamespace(feet=[SimpleNamespace(geoms=("sphere",))]),
+        motor=jax.tree.map(lambda value: np.broadcast_to(value, 12)[:3], go1.motor),
+    )  # fmt: skip
     assert not [*refusals(model), *contact_refusals(model)]
     given = random_arguments(robot, model, 300, Randomisation())
     given["qpos"][:, 2] -= np.linspace(-0.05, 0.1, 300)
@@ -130,64 +124,59 @@ def test_every_kind_of_joint_and_contact_equals_mujocos() -> None:
     assert found.errors.max() < DOUBLE
 
 
-def test_an_elliptic_friction_cone_is_mujocos_and_nearly_converged() -> None:
-    robot = load_robot("go1")
-    model = training_model(robot, 0.004, exact_friction=True)
+def test_an_elliptic_friction_cone_is_mujocos_and_nearly_converged(go1: Robot) -> None:
+    model = training_model(go1, 0.004, exact_friction=True)
     exact = copy.copy(model)
     exact.opt.iterations = 100
-    given = random_arguments(robot, model, 2 * COUNT, load_preset("gpu", robot).env.randomisation)
-    found = compare(robot, model, given, other=exact).errors
+    given = random_arguments(go1, model, 2 * COUNT, load_preset("gpu", go1).env.randomisation)
+    found = compare(go1, model, given, other=exact).errors
     assert np.quantile(found[:, 0], 0.5) < DOUBLE
     assert np.quantile(found, 0.9) < 1e-3
 
 
-def test_each_robot_may_have_gravity_of_its_own() -> None:
-    robot = load_robot("go1")
-    model = training_model(robot)
-    given = random_arguments(robot, model, COUNT, Randomisation())
+def test_each_robot_may_have_gravity_of_its_own_and_every_optional_effect_of_motors(go1: Robot) -> None:
+    effects = Randomisation(
+        torque_lag_s=Distribution(0.001, 0.006),
+        stribeck_friction=Distribution(0.1, 0.4),
+        load_friction=Distribution(0.02, 0.1),
+        backlash_rad=Distribution(0.005, 0.02),
+        gear_compliance=Distribution(0.001, 0.004),
+    )
+    model = training_model(go1)
+    given = random_arguments(go1, model, COUNT, effects)
     given[GRAVITY] = np.random.default_rng(1).normal([0.0, 0.0, -9.0], 2.0, (COUNT, 3))
-    assert compare(robot, model, given).errors.max() < DOUBLE
+    given["motor.voltage_gain"] = np.tile([0.0, 0.9, 1.0], (COUNT, 4))
+    given["motor.duty_resistance"] = np.full((COUNT, 12), 0.5)
+    assert {"motor.stribeck", "motor.load_friction", "motor.backlash", "lag.in_mean"} <= set(given)
+    assert compare(go1, model, given).errors.max() < DOUBLE
 
 
-@pytest.mark.parametrize(("name", "height"), [("go1", 0.06), ("go1", -0.04)])
-def test_each_foot_may_touch_the_edge_of_another_level(name: str, height: float) -> None:
-    """The ground has a step up or down, which in MuJoCo is a box on a floor.
+@pytest.mark.parametrize("height", [0.06, -0.04])
+def test_each_foot_may_touch_the_edge_of_another_level(go1: Robot, height: float) -> None:
+    """The ground has a step up or down, which in MuJoCo is a floor, and a box that ends at the edge.
 
     If a foot's centre is deep inside the box, MuJoCo's floor pushes it as well.
     """
-    robot = load_robot(name)
-    flat = training_model(robot)
-    given = random_arguments(robot, flat, 2 * COUNT, Randomisation())
-    given["qpos"][:, 0] *= 0.2  # near the edge
-    low, high, away = min(height, 0.0), max(height, 0.0), np.array([np.cos(0.4), np.sin(0.4)])
-    given["qpos"][:, 2] += np.random.default_rng(1).uniform(low - 0.02, high, 2 * COUNT)
-    points = len(np.concatenate(foot_geoms(flat, robot.description)))
-    ground = np.array([0.0, 0.0, 1.0, low, *away, 0.05, high])
-    given[GROUND] = np.tile(ground, (2 * COUNT, points, 1))
-    found = compare(robot, flat, given, other=on_step(robot, low, high, away, 0.05))
-    assert (found.contacts > 0).mean() > 0.3
-    difference = found.errors.max(axis=1)
-
-    assert np.quantile(difference, 0.7) < DOUBLE
-
-
-def on_step(robot: Robot, low: float, high: float, away: np.ndarray, edge: float) -> mujoco.MjModel:
-    """The training model on a floor at one height, and on a box of another height that ends at an edge."""
-    spec = training_spec(robot)
-    floor, side = spec.geom("floor"), 20.0
+    low, high, edge, side = min(height, 0.0), max(height, 0.0), 0.05, 20.0
+    away, spec, flat = np.array([np.cos(0.4), np.sin(0.4)]), training_spec(go1), training_model(go1)
+    floor = spec.geom("floor")
     floor.pos = [0.0, 0.0, low]
+    like_floor = ("contype", "conaffinity", "condim", "friction", "solmix")
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[side] * 3,
         pos=[*((edge - side) * away), high - side],
         quat=[np.cos(0.2), 0.0, 0.0, np.sin(0.2)],
-        contype=floor.contype,
-        conaffinity=floor.conaffinity,
-        condim=floor.condim,
-        friction=floor.friction,
-        solmix=floor.solmix,
+        **{name: getattr(floor, name) for name in like_floor},
     )
-    return spec.compile()
+    given = random_arguments(go1, flat, 2 * COUNT, Randomisation())
+    given["qpos"][:, 0] *= 0.2  # near the edge
+    given["qpos"][:, 2] += np.random.default_rng(1).uniform(low - 0.02, high, 2 * COUNT)
+    points = len(np.concatenate(foot_geoms(flat, go1.description)))
+    given[GROUND] = np.tile([0.0, 0.0, 1.0, low, *away, edge, high], (2 * COUNT, points, 1))
+    found = compare(go1, flat, given, other=spec.compile())
+    assert (found.contacts > 0).mean() > 0.3
+    assert np.quantile(found.errors.max(axis=1), 0.7) < DOUBLE
 
 
 class TestRefusals:
@@ -213,24 +202,21 @@ class TestRefusals:
         model = mujoco.MjModel.from_xml_string(EVERY_FEATURE.replace(old, new))
         assert named in "; ".join([*refusals(model), *contact_refusals(model)])
 
-    def test_another_engine_takes_over_with_a_note(self) -> None:
-        robot = load_robot("go1")
-        model = training_model(robot)
+    def test_another_engine_takes_over_with_a_note(self, go1: Robot, tmp_path: Path) -> None:
+        model = training_model(go1)
         model.opt.impratio = 2.0
-        engine = make_engine("generated", model, robot)
-        assert engine.name == "c"
-        assert "impratio" in engine.note
-        assert "go1" in engine.note
+        with_a_net = with_net(go1, tmp_path / "go1")
+        for robot, given, reason in (
+            (go1, model, "impratio"),
+            (with_a_net, training_model(with_a_net), "actuator_net"),
+        ):
+            engine = make_engine("generated", given, robot)
+            assert engine.name == "c"
+            for named in (reason, "go1"):
+                assert named in engine.note
 
-    @pytest.mark.parametrize(
-        "error", [ModuleNotFoundError("no llvmlite"), OSError("its library\ndoes not load")]
-    )
-    def test_another_engine_takes_over_without_a_working_compiler(
-        self, error: Exception, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def fail(_: str) -> None:
-            raise error
-
-        monkeypatch.setattr(on_processor, "import_module", fail)
-        assert "llvmlite" in on_processor.unavailable()
-        assert "llvmlite" in not_generated(training_model(load_robot("go1")))
+    def test_a_missing_compiler_is_named(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+        for error in (ModuleNotFoundError("no llvmlite"), OSError("its library\ndoes not load")):
+            monkeypatch.setattr(on_processor, "import_module", Mock(side_effect=error))
+            assert "llvmlite" in on_processor.unavailable()
+            assert "llvmlite" in not_generated(training_model(go1))

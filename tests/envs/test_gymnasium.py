@@ -6,13 +6,12 @@ import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode
 
 import footfall.gym
 from footfall.common.errors import UserError
@@ -32,9 +31,8 @@ def one() -> Iterator[GymnasiumEnv]:
 
 @pytest.fixture(scope="module")
 def many() -> Iterator[GymnasiumVectorEnv]:
-    env = gymnasium.make_vec(
-        ID, num_envs=MANY, vectorization_mode="vector_entry_point", preset="smoke"
-    ).unwrapped
+    mode = {"vectorization_mode": "vector_entry_point"}
+    env = gymnasium.make_vec(ID, num_envs=MANY, preset="smoke", **mode).unwrapped
     yield env
     env.close()
 
@@ -43,8 +41,7 @@ class TestOne:
     def test_an_environment_keeps_gymnasiums_contract(self, one: GymnasiumEnv) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            # Two warnings of gymnasium are only advice: ranges of actions differ, and observations have no
-            # bounds.
+            # Two warnings are only advice: ranges of actions differ, and observations have no bounds.
             warnings.filterwarnings("ignore", message=".*symmetric and normalized space.*")
             warnings.filterwarnings("ignore", message=".*Box observation space m.* value is.*infinity.*")
             check_env(one, skip_render_check=True)
@@ -52,15 +49,11 @@ class TestOne:
     def test_a_fall_terminates_and_a_timeout_truncates(self, one: GymnasiumEnv) -> None:
         begun, _ = one.reset(seed=2)
         assert begun.shape == (observation_size(one.env.contract),)
-        upside_down = one.state.qpos.at[2:7].set(np.array([0.4, 0.0, 1.0, 0.0, 0.0]))
-        last = one.state.steps + one.env.episode_steps - 1
-        for changes, ends in (
-            ({}, (False, False)),
-            ({"qpos": upside_down}, (True, False)),
-            ({"steps": last}, (False, True)),
-        ):
+        upside_down = {"qpos": one.state.qpos.at[2:7].set(np.array([0.4, 0.0, 1.0, 0.0, 0.0]))}
+        last = {"steps": one.state.steps + one.env.episode_steps - 1}
+        for changed, ends in (({}, (False, False)), (upside_down, (True, False)), (last, (False, True))):
             one.reset(seed=2)
-            one.state = one.state._replace(**changes)
+            one.state = one.state._replace(**changed)
             _, reward, terminated, truncated, info = one.step(np.zeros(12))
             assert (terminated, truncated) == ends
             assert np.isfinite([reward, info["linear_error_m_s"], info["yaw_error_rad_s"]]).all()
@@ -73,30 +66,16 @@ class TestOne:
         further = np.maximum(upper - robot.default_pose, robot.default_pose - lower)
         np.testing.assert_allclose(bound * robot.action_scale, further, rtol=1e-6)
 
-    def test_a_reset_with_options_is_refused(self, one: GymnasiumEnv, many: GymnasiumVectorEnv) -> None:
+    @pytest.mark.filterwarnings("ignore:.*render mode")  # gymnasium's own advice
+    def test_unknown_names_options_and_an_early_step_are_refused(self, one: GymnasiumEnv) -> None:
+        named = {"preset": "none", "robot": "none", "render_mode": "human", "physics": "bullet"}
+        for option, name in named.items():
+            with pytest.raises(UserError, match=name):
+                gymnasium.make(ID, **({"preset": "smoke"} | {option: name}))
         with pytest.raises(UserError, match="speed"):
             one.reset(options={"speed": 1})
-        with pytest.raises(UserError, match="reset_mask"):
-            many.reset(options={"reset_mask": np.ones(MANY, bool)})
-
-    def test_a_step_before_the_reset_is_refused(self) -> None:
-        env = gymnasium.make(ID, preset="smoke").unwrapped
         with pytest.raises(gymnasium.error.ResetNeeded):
-            env.step(np.zeros(12))
-
-    @pytest.mark.filterwarnings("ignore:.*render mode")  # gymnasium's own advice
-    @pytest.mark.parametrize(
-        ("options", "message"),
-        [
-            ({"preset": "none"}, "'none'"),
-            ({"robot": "none"}, "'none'"),
-            ({"render_mode": "human"}, "human"),
-            ({"physics": "bullet"}, "'bullet'"),
-        ],
-    )
-    def test_unknown_names_are_refused(self, options: dict[str, str], message: str) -> None:
-        with pytest.raises(UserError, match=message):
-            gymnasium.make(ID, **({"preset": "smoke"} | options))
+            gymnasium.make(ID, preset="smoke").unwrapped.step(np.zeros(12))
 
 
 class TestMany:
@@ -128,7 +107,9 @@ class TestMany:
             assert observations[3] == pytest.approx(alone, abs=1e-4)
             assert rewards[3] == pytest.approx(reward, abs=1e-6)
 
-    def test_a_wrong_number_of_seeds_or_environments_is_refused(self, many: GymnasiumVectorEnv) -> None:
+    def test_options_and_wrong_counts_are_refused(self, many: GymnasiumVectorEnv) -> None:
+        with pytest.raises(UserError, match="reset_mask"):
+            many.reset(options={"reset_mask": np.ones(MANY, bool)})
         for count in (0, 1, MANY + 1):
             with pytest.raises(ValueError, match=str(count)):
                 many.reset(seed=list(range(count)))
@@ -138,7 +119,13 @@ class TestMany:
     def test_an_ended_episode_is_reset_in_the_same_step(self, many: GymnasiumVectorEnv) -> None:
         assert many.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
         many.reset(seed=6)
-        observations, ended, info = step_until_some_end(many)
+        for actions in np.random.default_rng(0).uniform(-5, 5, (200, MANY, 12)):
+            observations, _, terminated, truncated, info = many.step(actions)
+            ended = terminated | truncated
+            assert ("final_obs" in info) == ended.any()
+            if ended.any():
+                break
+        assert 0 < ended.sum() < MANY
         assert np.array_equal(info["_final_obs"], ended)
         for last, observation, end in zip(info["final_obs"], observations, ended, strict=True):
             assert last is None if not end else (last != observation).any()
@@ -146,12 +133,12 @@ class TestMany:
 
     def test_one_and_many_environments_use_the_robots_own_files(self, own_folder: Path) -> None:
         (own_folder / "training.yaml").write_text("env: {episode_s: 7.0}")
-        for made in (
+        one, many = (
             footfall.gym.make_single(own_folder, "smoke"),
             footfall.gym.make_vector(own_folder, 1, "smoke"),
-        ):
-            assert made.env.config.episode_s == 7.0
-            assert made.env.config.physics == "generated"
+        )
+        for made in (one, many):
+            assert (made.env.config.episode_s, made.env.config.physics) == (7.0, "generated")
 
 
 def test_information_covers_running_and_ended_episodes() -> None:
@@ -161,35 +148,18 @@ def test_information_covers_running_and_ended_episodes() -> None:
         {"command": np.arange(9.0).reshape(3, 3), "error": np.array([0.1, 0.2, 0.3])},
     )  # fmt: skip
     info = vector_info(last, 100 + np.arange(9.0).reshape(3, 3))
-    np.testing.assert_array_equal(info["command"], 100 + np.arange(9.0).reshape(3, 3))
-    assert info["_command"].all()
-    assert (info["error"].tolist(), info["_error"].tolist()) == ([0.1, 0.0, 0.0], [True, False, False])
-    running, *ended = info["final_obs"]
-    assert running is None
-    assert [row.tolist() for row in ended] == [[2.0, 3.0], [4.0, 5.0]]
-    assert info["_final_obs"].tolist() == info["_final_info"].tolist() == [False, True, True]
-    assert info["final_info"]["error"].tolist() == [0.0, 0.2, 0.3]
-    assert info["final_info"]["command"].tolist() == [[0.0] * 3, [3.0, 4.0, 5.0], [6.0, 7.0, 8.0]]
+    ended, final = [False, True, True], info["final_info"]
+    for found, expected in (
+        (info["command"], 100 + np.arange(9.0).reshape(3, 3)), (info["_command"], [True] * 3),
+        (info["error"], [0.1, 0.0, 0.0]), (info["_error"], [True, False, False]),
+        (info["_final_obs"], ended), (info["_final_info"], ended), (final["error"], [0.0, 0.2, 0.3]),
+        (final["command"], [[0.0] * 3, [3.0, 4.0, 5.0], [6.0, 7.0, 8.0]]),
+    ):  # fmt: skip
+        np.testing.assert_array_equal(found, expected)
+    assert info["final_obs"][0] is None
+    assert [row.tolist() for row in info["final_obs"][1:]] == [[2.0, 3.0], [4.0, 5.0]]
     none_ended = last._replace(terminated=np.zeros(3, bool), truncated=np.zeros(3, bool))
     assert set(vector_info(none_ended, last.info["command"])) == {"command", "_command", "error", "_error"}
-
-
-def step_until_some_end(env: VectorEnv) -> tuple[np.ndarray, np.ndarray, Any]:
-    """Step with large actions until some episodes have ended, but not all.
-
-    Returns observations, a flag for each episode that ended, and the information.
-    """
-    generator = np.random.default_rng(0)
-    for _ in range(200):
-        actions = 5 * generator.uniform(-1, 1, (MANY, 12))
-        observations, _, terminated, truncated, info = env.step(actions)
-        ended = terminated | truncated
-        assert ("final_obs" in info) == ended.any()
-        if ended.any():
-            break
-    assert ended.any()
-    assert not ended.all()
-    return observations, ended, info
 
 
 PROBE = "import mujoco; mujoco.GLContext(8, 8).make_current()"

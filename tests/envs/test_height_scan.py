@@ -1,7 +1,4 @@
-"""Height scans in training equal the simulated robot's at the same position.
-
-Scans are delayed and have their own rate.
-"""
+"""Height scans in training equal the simulated robot's at the same position, and have a rate of their own."""
 
 from dataclasses import replace
 
@@ -27,35 +24,24 @@ STAIRS = GroundConfig("stairs", settings={"step_m": 0.12, "start_m": 0.4})
 
 @pytest.fixture(scope="module")
 def env(go1: Robot) -> LocomotionEnv:
-    config = load_preset("smoke", go1).env
-    return LocomotionEnv(
-        go1,
-        replace(
-            config,
-            observation=(ObservationConfig("gyro", history=2), ObservationConfig("height_scan", 2.0)),
-            terrain=TerrainConfig((STAIRS,), levels=2, start_levels=1),
-        ),
-    )
+    terms = (ObservationConfig("gyro", history=2), ObservationConfig("height_scan", 2.0))
+    stairs = TerrainConfig((STAIRS,), levels=2, start_levels=1)
+    return LocomotionEnv(go1, replace(load_preset("smoke", go1).env, observation=terms, terrain=stairs))
 
 
 @pytest.fixture(scope="module")
 def begun(env: LocomotionEnv) -> tuple[State, dict[str, jax.Array]]:
     """The states of four episodes on stairs."""
-    keys = jnp.stack([jax.random.PRNGKey(seed) for seed in range(4)])
-    return jax.jit(jax.vmap(env.reset))(keys)
+    return jax.jit(jax.vmap(env.reset))(jnp.stack([jax.random.PRNGKey(seed) for seed in range(4)]))
 
 
-def moved(state: State, x: float, steps: int) -> State:
-    return state._replace(qpos=state.qpos.at[0].set(x), steps=jnp.int32(steps))
-
-
-def test_training_and_the_simulated_robot_have_the_same_scans(
+def test_training_and_the_plant_have_the_same_scans(
     begun: tuple[State, dict[str, jax.Array]],
 ) -> None:
     ground, (states, observation) = make_ground(STAIRS, 0), begun
     for qpos, seen in zip(np.asarray(states.qpos, float), np.asarray(observation["state"]), strict=True):
-        pose = qpos[:3], qpos[3:7]
-        plant = SimulatedScanner(SCAN, HeightScanErrors(), ground, lambda pose=pose: pose, 0).newest(0)
+        scanner = SimulatedScanner(SCAN, HeightScanErrors(), ground, lambda q=qpos: (q[:3], q[3:7]), 0)
+        plant = scanner.newest(0)
         assert plant is not None
         observed = seen[-SCAN.size - 1 : -1] / 2.0
         same = np.abs(observed - np.clip(plant.heights, -1.0, 0.5)) < 1e-4
@@ -82,11 +68,10 @@ def test_scans_are_late_at_their_rate(env: LocomotionEnv, begun: tuple[State, di
     """On a slope along x the first height shows the robot's position at the time of the scan."""
     late = Scanner(SCAN, HeightScanErrors(lag_s=(0.05, 0.05)), env.scene.base, env.period_s)
     state = jax.tree.map(lambda leaf: leaf[0], begun[0])
-    level = jnp.array([1.0, 0.0, 0.0, 0.0])
-    state = state._replace(qpos=state.qpos.at[3:7].set(level))
+    level = state.qpos.at[3:7].set(jnp.array([1.0, 0.0, 0.0, 0.0]))
     u, seen_at = jnp.full(late.numbers, 0.5), []
     for step in range(12):
-        here = moved(state, 0.01 * step, step)
+        here = state._replace(qpos=level.at[0].set(0.01 * step), steps=jnp.int32(step))
         state, heights = late.deliver(here, lambda position: position[..., 0], u, is_reset=step == 0)
         seen_at.append(float(heights[0] + here.qpos[2] - SCAN.points[0, 0]) / 0.01)
     taken = np.maximum(0, 2 * ((np.arange(12) - 2.5) // 2)).astype(int)

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from footfall.domain_rand.randomisation import load_randomisation
-from footfall.envs.batch import RESTARTS_PER_PASS, step_batch
+from footfall.envs.batch import step_batch
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.physics.c import LINE_SEARCH_EVALUATIONS, _Simulations, c_physics
 from footfall.envs.physics.engines import ENGINES
-from footfall.envs.physics.interface import Drive, Fields, Motion
+from footfall.envs.physics.interface import Drive, Motion
 from footfall.envs.physics.mjx import mjx_physics
 from footfall.envs.state import State
 from footfall.robots.actuator import JointCommand, joint_damping, joint_torque, lag_over
@@ -27,6 +27,10 @@ from footfall.train.config import load_preset
 ROBOT = load_robot("go1")
 SMOKE = replace(load_preset("smoke").env, randomisation=load_randomisation())
 ROBOTS, STEPS, COMPARED_EVERY = 32, 24, 4
+EFFECTS = {
+    "lag_s": 0.004, "stribeck": 0.3, "load_friction": 0.06, "backlash": 0.01, "compliance": 0.002,
+    "voltage_gain": 0.9,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=["c", "generated"])
@@ -66,23 +70,22 @@ def worst(one: jax.Array, two: jax.Array) -> float:
 
 @IN_C
 def test_a_control_step_in_c_equals_mjx(begun: State, step) -> None:
-    """The steps are equal within rounding for many states of a walk: MJX has single precision, C double.
-
-    The motors have every optional effect.
-    """
-    model = training_model(ROBOT, SMOKE.timestep_s)
+    """For states of a walk with every effect of motors, within rounding: MJX has single precision."""
+    model, effects = training_model(ROBOT, SMOKE.timestep_s), jnp.ones((ROBOTS, 12))
     model.opt.iterations, model.opt.ls_iterations = 20, 50
     mjx, c = (jax.jit(jax.vmap(physics(model, ROBOT))) for physics in (mjx_physics, c_physics))
     state, contacts = begun, set()
     for k, action in enumerate(actions(STEPS)):
         if k % COMPARED_EVERY == 0:
-            given = with_effects(*arguments(state))
+            motion, drive, fields = arguments(state)
+            motor = drive.motor._replace(**{name: value * effects for name, value in EFFECTS.items()})
+            drive = drive._replace(motor=motor, lag=lag_over(motor.lag_s, SMOKE.timestep_s))
+            given = (motion._replace(lagged_torque=2.0 * effects), drive, fields)
             (mjx_end, mjx_trace), (c_end, c_trace) = mjx(*given), c(*given)
-            assert worst(mjx_end.lagged_torque, c_end.lagged_torque) < 2e-2
-            assert worst(mjx_end.qpos, c_end.qpos) < 1e-4
-            assert worst(mjx_end.qvel, c_end.qvel) < 5e-3
-            assert worst(mjx_trace.foot_position, c_trace.foot_position) < 1e-4
-            assert worst(mjx_trace.torque, c_trace.torque) < 1e-2
+            for name, limit in (("lagged_torque", 2e-2), ("qpos", 1e-4), ("qvel", 5e-3)):
+                assert worst(getattr(mjx_end, name), getattr(c_end, name)) < limit
+            for name, limit in (("foot_position", 1e-4), ("torque", 1e-2)):
+                assert worst(getattr(mjx_trace, name), getattr(c_trace, name)) < limit
             contacts |= set(np.asarray(c_trace.foot_position[..., 2] < 0.025).sum(axis=(1, 2)).tolist())
         state, *_ = step(state, action)
     assert len(contacts) > 3  # feet in the air, on the ground and landing
@@ -142,23 +145,20 @@ class TestPurity:
         assert equal(_Simulations(model, ROBOT)(*given), jax.vmap(c_physics(model, ROBOT))(*given))
 
 
-class TestDivergence:
-    def test_a_diverging_robot_affects_no_other_and_nothing_is_printed(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], step, begun
-    ) -> None:
-        monkeypatch.chdir(tmp_path)  # where MuJoCo would log its warnings
-        well = jax.device_get(step(begun, actions()[0]))
-        ill = begun._replace(
-            qpos=begun.qpos.at[3, 6].set(jnp.nan), qvel=begun.qvel.at[5, 6].set(jnp.inf).at[7, 0].set(1e20)
-        )
-        after, observation, result = jax.device_get(step(ill, actions()[0]))
-        assert np.flatnonzero(result.metrics["episode/diverged"]).tolist() == [3, 5, 7]
-        assert np.flatnonzero(result.terminated).tolist() == [3, 5, 7]
-        assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((observation, result, after.qpos)))
-        others = np.setdiff1d(np.arange(ROBOTS), [3, 5, 7])
-        assert equal(*(jax.tree.map(lambda x: x[others], r) for r in ((after, result), (well[0], well[2]))))
-        assert list(tmp_path.iterdir()) == []
-        assert "WARNING" not in capfd.readouterr().err
+def test_a_diverging_robot_affects_no_other_and_nothing_is_printed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], step, begun
+) -> None:
+    monkeypatch.chdir(tmp_path)  # where MuJoCo would log its warnings
+    well, _, well_result = jax.device_get(step(begun, actions()[0]))
+    qpos, qvel = begun.qpos.at[3, 6].set(jnp.nan), begun.qvel.at[5, 6].set(jnp.inf).at[7, 0].set(1e20)
+    after, observation, result = jax.device_get(step(begun._replace(qpos=qpos, qvel=qvel), actions()[0]))
+    for flags in (result.metrics["episode/diverged"], result.terminated):
+        assert np.flatnonzero(flags).tolist() == [3, 5, 7]
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((observation, result, after.qpos)))
+    others = np.setdiff1d(np.arange(ROBOTS), [3, 5, 7])
+    assert equal(*(jax.tree.map(lambda x: x[others], r) for r in ((after, result), (well, well_result))))
+    assert list(tmp_path.iterdir()) == []
+    assert "WARNING" not in capfd.readouterr().err
 
 
 @IN_C
@@ -188,36 +188,3 @@ def arguments(state: State) -> tuple[Motion, Drive, dict[str, jax.Array]]:
     bias = jnp.asarray(0.02 * rng.normal(size=(ROBOTS, 12)), dtype=jnp.float32)
     drive = Drive(target, each(ROBOT.kp), each(ROBOT.kd), jax.tree.map(each, ROBOT.motor), bias)
     return Motion(state.qpos, state.qvel, state.qacc_warmstart), drive, state.fields
-
-
-def with_effects(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Drive, Fields]:
-    """The same inputs with lag, Stribeck and load friction in each motor."""
-    each = jnp.ones_like(drive.encoder_bias)
-    motor = drive.motor._replace(lag_s=0.004 * each, stribeck=0.3 * each, load_friction=0.06 * each)
-    motor = motor._replace(backlash=0.01 * each, compliance=0.002 * each, voltage_gain=0.9 * each)
-    drive = drive._replace(motor=motor, lag=lag_over(motor.lag_s, SMOKE.timestep_s))
-    return motion._replace(lagged_torque=2.0 * each), drive, fields
-
-
-@IN_C
-def test_ended_episodes_are_reset(env: LocomotionEnv, begun: State, step) -> None:
-    """21 episodes end, more than one call resets."""
-    ends = np.arange(len(begun.steps)) % 3 > 0
-    assert ends.sum() > RESTARTS_PER_PASS
-    level = jnp.full_like(begun.level, 0.25)  # the curriculum's steps continue
-    state = begun._replace(steps=jnp.where(ends, env.episode_steps - 1, 7), level=level)
-    action = jnp.zeros((len(ends), env.action_size))
-    after, observation, result = jax.device_get(step(state, action))
-    assert np.array_equal(np.asarray(result.truncated) > 0, ends)
-    assert np.array_equal(after.steps, np.where(ends, 0, 8))
-    assert np.array_equal(after.level, level)
-    stepped, last = jax.device_get(jax.jit(jax.vmap(env.step))(state, action))
-    begun_anew, first = jax.device_get(jax.jit(jax.vmap(env.reset))(stepped.key, stepped.level))
-    for now, new, old in zip(
-        jax.tree.leaves((after, observation)),
-        jax.tree.leaves((begun_anew, first)),
-        jax.tree.leaves((stepped, last.observation)),
-        strict=True,
-    ):
-        assert np.allclose(now[ends], new[ends], atol=1e-5)
-        assert np.allclose(now[~ends], old[~ends], atol=1e-5)

@@ -55,11 +55,7 @@ def value(name: str, **changes: object) -> float:
         ("gait_contact", {"contact": [0.0, 1.0, 1.0, 0.0]}, 0.0),
         ("swing_height", {"clearance": [0.05, 0.05, 0.08, 0.0]}, 0.03**2),  # of the swinging feet only
         ("swing_height", {"clearance": [0.0, 0.08, 0.0, 0.0], "swing": [0.0, 0.5, 0.0, 0.0]}, 0.04**2),
-        (
-            "crowded_feet",
-            {"foot_position": [[0.0, 0.0, 1.0], [0.1, 0.0, 0.0], [1.0, 0, 0], [2.0, 0, 0]]},
-            4e-4,
-        ),
+        ("crowded_feet", {"foot_position": [[0, 0, 1], [0.1, 0, 0], [1, 0, 0], [2, 0, 0]]}, 4e-4),
         ("vertical_velocity", {"linear_velocity": [1.0, 1.0, -0.3]}, 0.09),
         ("roll_pitch_rate", {"angular_velocity": [0.3, -0.4, 5.0]}, 0.25),
         ("orientation", {"gravity": [0.6, 0.0, -0.8]}, 0.36),
@@ -94,19 +90,21 @@ def test_each_term_has_the_calculated_value(name: str, changes: dict[str, object
 
 
 def test_parameters_change_a_term() -> None:
-    assert float(
-        REWARDS["track_linear"](perfect()._replace(linear_velocity=jnp.zeros(3)), sigma_m2_s2=0.4)
-    ) == (pytest.approx(np.exp(-1.0)))
-    assert float(REWARDS["swing_height"](perfect(), height_m=0.05)) == pytest.approx(2 * 0.03**2)
+    still = perfect()._replace(linear_velocity=jnp.zeros(3))
     near = perfect()._replace(foot_position=0.5 * perfect().foot_position)  # 0.2 m along, 0.2 m across
-    assert float(REWARDS["crowded_feet"](near, distance_m=0.25)) == pytest.approx(4 * 0.05**2, rel=1e-4)
+    for term, data, parameter, expected in (
+        ("track_linear", still, {"sigma_m2_s2": 0.4}, np.exp(-1.0)),
+        ("swing_height", perfect(), {"height_m": 0.05}, 2 * 0.03**2),
+        ("crowded_feet", near, {"distance_m": 0.25}, 4 * 0.05**2),
+    ):
+        assert float(REWARDS[term](data, **parameter)) == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_first_pattern_that_matches_a_joint_gives_its_weight_in_pose() -> None:
     shares = {"FR_*hip*": 5.0, "*_hip_*": 2.0, "*calf*": 0.0}
     expected = {"FR_hip_joint": 5.0, "FL_hip_joint": 2.0, "FL_calf_joint": 0.0, "FL_thigh_joint": 1.0}
     for joint, share in expected.items():
-        moved = POSE + 1.0 * np.array([name == joint for name in ROBOT.joint_names])
+        moved = POSE + np.array([float(name == joint) for name in ROBOT.joint_names])
         data = perfect()._replace(joint_position=jnp.asarray(moved, jnp.float32))
         assert float(REWARDS["pose"](data, joint_shares=shares)) == pytest.approx(share, abs=1e-5), joint
     entry = RewardConfig("pose", -1.0, settings={"joint_shares": {"*_toe": 1.0}})

@@ -15,7 +15,6 @@ from refused import refusal_of
 from footfall.envs.batch import step_batch
 from footfall.envs.config import (
     CurriculumConfig,
-    EnvConfig,
     EventConfig,
     NamedTermConfig,
     ObservationConfig,
@@ -39,7 +38,6 @@ from footfall.envs.locomotion import LocomotionEnv
 from footfall.policies.observation import observation_term
 from footfall.robots import kinds
 
-
 @dataclass(frozen=True)
 class AirTime:
     """Seconds for which each landing foot was in the air, less a minimum."""
@@ -53,51 +51,40 @@ class AirTime:
         reward = jnp.sum(data.contact * (air_s - self.least_s))
         return (air_s + data.period_s) * (1.0 - data.contact), reward
 
-
 def knees(data, *, share: float = 1.0):
     return share * jnp.sum(data.joint_position[2::3])
-
 
 def crooked(data):
     return data.joint_position
 
-
 def broken(data):
     return data.no_such_field
-
 
 @observation_term(kinds.JOINTS)
 def squares(inputs, contract, *, gain: float = 1.0):
     """Squared joint velocities."""
     return gain * inputs.readings["joint_velocity"] ** 2
 
-
 @critic_term(kinds.FOOT_AMOUNTS)
 def foot_speed(data):
     return data.foot_speed
 
-
 def too_long(data, *, limit_s: float):
     return data.height > 100.0
-
 
 @event_term(numbers=1, interval_s=Distribution(0.02, 0.02))
 def hop(state, occasion, *, speed_m_s: float = 1.0):
     return state._replace(qvel=state.qvel.at[2].add(speed_m_s * occasion.strength))
 
-
 @event_term(numbers=0)
 def lifted(state, occasion):
     return state._replace(qpos=state.qpos.at[2].add(0.5))
 
-
 def late(level, *, after: float = 0.5):
     return jnp.where(level < after, 0.0, 1.0)
 
-
 def kneel(robot, config):
     return LocomotionEnv(robot, replace(config, rewards=(RewardConfig("alive", 2.0),), episode_s=0.5))
-
 
 def nothing(robot, config):
     return object()
@@ -134,10 +121,8 @@ def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
     ended, _, last = step(high)
     assert np.asarray(last.truncated).tolist() == [1.0, 1.0, 1.0]
     np.testing.assert_array_equal(ended.terms["rewards"]["AirTime"], np.zeros((3, 4)))
-    landing = high._replace(
-        qpos=state.qpos, terms=high.terms | {"rewards": {"AirTime": jnp.full((3, 4), 0.3)}}
-    )
-    _, _, last = step(landing)
+    in_the_air = high.terms | {"rewards": {"AirTime": jnp.full((3, 4), 0.3)}}
+    _, _, last = step(high._replace(qpos=state.qpos, terms=in_the_air))
     landed = np.asarray(last.metrics["reward/AirTime"]) / (2.0 * 0.25)
     np.testing.assert_allclose(landed, np.round(landed), atol=1e-4)  # feet, each 0.3 s minus 0.05 s
     assert landed.max() >= 2.0
@@ -168,38 +153,42 @@ def test_terms_of_every_kind_come_from_a_users_module() -> None:
 
 def test_a_users_task_makes_the_environment() -> None:
     env = make_environment(ROBOT, replace(IN_C, task="own_terms:kneel"))
-    assert env.episode_steps == 25
-    assert env.config.weights == {"alive": 2.0}
+    assert (env.episode_steps, env.config.weights) == (25, {"alive": 2.0})
 
 
 def test_a_changed_term_changes_the_programs_fingerprint(own_module: Path) -> None:
     config = replace(IN_C, rewards=(RewardConfig("own_terms:knees", 1.0),))
     helper = own_module.with_name("own_helper.py")
     helper.write_text("")
-    made = [fingerprint(made_from(ROBOT, config))]
+    made = [fingerprint(made_from(ROBOT, config)) for _ in range(2)]
     own_module.write_text("import own_helper\n" + OWN.replace("[2::3]", "[1::3]"))
     sys.modules.pop("own_terms")
     made.append(fingerprint(made_from(ROBOT, config)))
     helper.write_text("GAIN = 2.0")  # what a term's module imports is part of the term
     made.append(fingerprint(made_from(ROBOT, config)))
-    assert len(set(made)) == 3
-    assert fingerprint(made_from(ROBOT, IN_C)) == fingerprint(made_from(ROBOT, IN_C))
     sys.modules.pop("own_helper")
+    assert made[0] == made[1]
+    assert len(set(made)) == 3
 
 
 def test_a_refused_term_is_named_by_its_entry() -> None:
     reward, named = IN_C.rewards[0], NamedTermConfig
     cases: list[tuple[dict[str, object], str]] = [
+        *(
+            ({"rewards": (RewardConfig(term, 1.0, settings=settings),)}, f"env.rewards[0]{words}")
+            for term, settings, words in (
+                ("track_linear", {"sigma": 1.0}, ".sigma"),
+                ("alive", {"gain": 1.0}, ".gain"),
+                ("track_linear", {"sigma_m2_s2": "wide"}, ".sigma_m2_s2"),
+                ("track_linear", {"sigma_m2_s2": np.nan}, ".sigma_m2_s2"),
+                ("swing_height", {"height_m": 80}, ".height_m: must be from"),
+                ("own_terms:AirTime", {"least_s": -1.0}, ".least_s"),
+                ("own_terms:crooked", {}, ": returns 12 numbers"),
+                ("own_terms:broken", {}, ": AttributeError"),
+            )
+        ),
         ({"rewards": (reward, RewardConfig("dance", 1.0))}, "env.rewards[1]: no reward 'dance'"),
         ({"rewards": (reward, reward)}, "env.rewards[1]"),
-        ({"rewards": (with_settings("track_linear", sigma=1.0),)}, "env.rewards[0].sigma"),
-        ({"rewards": (with_settings("alive", gain=1.0),)}, "env.rewards[0].gain"),
-        ({"rewards": (with_settings("track_linear", sigma_m2_s2="wide"),)}, "env.rewards[0].sigma_m2_s2"),
-        ({"rewards": (with_settings("track_linear", sigma_m2_s2=np.nan),)}, "env.rewards[0].sigma_m2_s2"),
-        ({"rewards": (with_settings("swing_height", height_m=80),)}, "env.rewards[0].height_m: must be from"),
-        ({"rewards": (with_settings("own_terms:AirTime", least_s=-1.0),)}, "env.rewards[0].least_s"),
-        ({"rewards": (RewardConfig("own_terms:crooked", 1.0),)}, "env.rewards[0]: returns 12 numbers"),
-        ({"rewards": (RewardConfig("own_terms:broken", 1.0),)}, "env.rewards[0]: AttributeError"),
         ({"rewards": (RewardConfig("own_terms:absent", 1.0),)}, "own_terms:absent"),
         ({"rewards": (RewardConfig("no_such_module:x", 1.0),)}, "no module 'no_such_module'"),
         ({"terminations": (named("asleep"),)}, "env.terminations[0]: no termination 'asleep'"),
@@ -221,17 +210,11 @@ def test_a_refused_term_is_named_by_its_entry() -> None:
         assert words in refusal(**changes), changes
 
 
-def with_settings(term: str, **settings: object) -> RewardConfig:
-    return RewardConfig(term, 1.0, settings=settings)
-
-
 def test_names_distinguish_two_entries_of_one_term() -> None:
     hips, knees = (
         RewardConfig("pose", -1.0, name=name, settings={"joint_shares": {f"*{name}*": 1.0, "*": 0.0}})
         for name in ("hip", "calf")
     )
-    config: EnvConfig = replace(IN_C, rewards=(hips, knees))
-    env = make_environment(ROBOT, config)
-    state, _ = env.reset(jax.random.PRNGKey(0))
-    _, result = jax.jit(env.step)(state, jnp.zeros(12))
+    env = make_environment(ROBOT, replace(IN_C, rewards=(hips, knees)))
+    _, result = jax.jit(env.step)(env.reset(jax.random.PRNGKey(0))[0], jnp.zeros(12))
     assert {"reward/hip", "reward/calf"} <= set(result.metrics)

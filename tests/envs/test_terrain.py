@@ -11,7 +11,7 @@ import pytest
 from footfall.common.config import structure
 from footfall.common.errors import UserError
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.envs.config import EnvConfig, TerrainConfig
+from footfall.envs.config import TerrainConfig
 from footfall.envs.make import make_environment
 from footfall.envs.physics.c import c_physics
 from footfall.envs.physics.interface import Motion
@@ -29,48 +29,46 @@ KINDS: list[dict[str, Any]] = [
     {"shape": "rough", "roughness_m": [0.0, 0.05]},
 ]
 LEVELS = 2
-ROBOTS = 24
 
 
 def terrain(kinds: list[dict[str, Any]], **changes: Any) -> TerrainConfig:
-    return structure(
-        {"grounds": kinds, "levels": LEVELS, "start_levels": LEVELS, **changes}, TerrainConfig, "env.terrain"
-    )
+    fields = {"grounds": kinds, "levels": LEVELS, "start_levels": LEVELS, **changes}
+    return structure(fields, TerrainConfig, "env.terrain")
 
 
-def config_of(robot: Robot, **changes: Any) -> EnvConfig:
-    return replace(load_preset("smoke", robot).env, randomisation=Randomisation(), **changes)
+def on_terrain(robot: Robot, ground: TerrainConfig, **changes: Any) -> Any:
+    config = load_preset("smoke", robot).env
+    return make_environment(robot, replace(config, randomisation=Randomisation(), terrain=ground, **changes))
 
 
 @pytest.fixture(scope="module")
 def env(go1: Robot) -> Any:
-    return make_environment(go1, config_of(go1, terrain=terrain(KINDS, exact_friction=True)))
+    return on_terrain(go1, terrain(KINDS, exact_friction=True))
 
 
 @pytest.fixture(scope="module")
 def begun(env: Any) -> State:
-    state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(2), ROBOTS * len(KINDS)))
-    return state
+    return jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(2), 24 * len(KINDS)))[0]
 
 
 def walked(state: State) -> Any:
     return state.terms["terrain"]["terrain"]
 
 
-@pytest.mark.parametrize("kind", [0, 1], ids=["stairs", "slope"])
-def test_a_standing_robot_rests_as_on_mujocos_ground(env: Any, begun: State, go1: Robot, kind: int) -> None:
+@pytest.mark.parametrize(("kind", "limit_m"), [(0, 0.005), (1, 0.02)], ids=["stairs", "slope"])
+def test_a_standing_robot_rests_as_on_mujocos_ground(
+    env: Any, begun: State, go1: Robot, kind: int, limit_m: float
+) -> None:
     """With constant joint targets, the robots' positions differ by millimetres after half a second."""
     hardest = np.flatnonzero(np.asarray(walked(begun).piece) == kind * LEVELS + LEVELS - 1)[:6]
     state = jax.tree.map(lambda x: x[hardest], jax.device_get(begun))
     spec = training_spec(go1, env.timestep_s, exact_friction=True)
-    floor = spec.geom("floor")
-    like_floor = {
-        name: getattr(floor, name) for name in ("condim", "solmix", "friction", "contype", "conaffinity")
-    }
+    like_floor = ("condim", "solmix", "friction", "contype", "conaffinity")
+    floor = {name: getattr(spec.geom("floor"), name) for name in like_floor}
     declared = structure(KINDS[kind], type(env.config.terrain.grounds[0]), "ground")
     replace_ground(spec, make_ground(at_difficulty(declared, 1.0), env.config.terrain.seed + LEVELS - 1))
     for geom in spec.worldbody.geoms:
-        for name, value in like_floor.items():
+        for name, value in floor.items():
             setattr(geom, name, value)
     others = jax.vmap(c_physics(spec.compile(), go1))
 
@@ -87,48 +85,34 @@ def test_a_standing_robot_rests_as_on_mujocos_ground(env: Any, begun: State, go1
     other = Motion(state.qpos, state.qvel, state.qacc_warmstart)
     for _ in range(25):
         state, other = both(state, other)
-    difference = np.abs(np.asarray(state.qpos - other.qpos)).max(axis=1)
     assert np.isfinite(np.asarray(state.qpos)).all()
     # MuJoCo's height fields hold a foot by several contacts.
-    assert np.median(difference) < (0.005 if KINDS[kind]["shape"] in ("stairs", "blocks") else 0.02), (
-        difference
-    )
+    assert np.median(np.abs(np.asarray(state.qpos - other.qpos)).max(axis=1)) < limit_m
 
 
 def test_success_leads_to_harder_ground(env: Any, begun: State) -> None:
     restart = jax.jit(jax.vmap(env.restart))
 
-    def next_levels(level: int = 0, **progress: float) -> np.ndarray:
-        """Levels of the episodes after these episodes of a level."""
-        now = walked(begun)._replace(
-            piece=jnp.full(len(begun.level), 2 + level),
-            **{k: jnp.full(len(begun.level), v) for k, v in progress.items()},
-        )
-        after, _ = restart(begun._replace(terms=begun.terms | {"terrain": {"terrain": now}}))
+    for level, along, commanded, fell, next_level in (
+        (0, 4.5, 5.0, 0.0, 1), (0, 3.0, 5.0, 0.0, 0), (0, 4.5, 5.0, 1.0, 0), (0, 0.4, 0.4, 0.0, 0),
+        (1, 4.5, 5.0, 1.0, 0),
+    ):  # fmt: skip
+        now = {"piece": 2 + level, "along": along, "commanded": commanded, "fell": fell}
+        ground = walked(begun)._replace(**{k: jnp.full(len(begun.level), v) for k, v in now.items()})
+        after, _ = restart(begun._replace(terms=begun.terms | {"terrain": {"terrain": ground}}))
         pieces = np.asarray(walked(after).piece)
         assert (pieces // LEVELS == 1).all()  # of the same kind
-        return pieces % LEVELS
-
-    assert (next_levels(along=4.5, commanded=5.0, fell=0.0) == 1).all()
-    for progress in (
-        {"along": 3.0, "commanded": 5.0, "fell": 0.0},
-        {"along": 4.5, "commanded": 5.0, "fell": 1.0},
-        {"along": 0.4, "commanded": 0.4, "fell": 0.0},
-    ):
-        assert (next_levels(**progress) == 0).all(), progress
-    assert (next_levels(1, along=4.5, commanded=5.0, fell=1.0) == 0).all()
+        assert (pieces % LEVELS == next_level).all(), now
 
 
 def test_untrainable_ground_is_refused(go1: Robot) -> None:
     with pytest.raises(UserError, match=r"env\.terrain .*'generated'"):
-        make_environment(go1, config_of(go1, terrain=terrain(KINDS), physics="mjx"))
-    refused = {
-        "'hill'": {"kinds": [{"shape": "hill"}]},
-        "start_levels": {"kinds": KINDS, "start_levels": 5},
-        "size_m": {"kinds": [*KINDS, {"shape": "level", "size_m": 5.0}]},
-    }
-    for word, given in refused.items():
-        with pytest.raises(UserError, match=word):
-            terrain(**given)
+        on_terrain(go1, terrain(KINDS), physics="mjx")
     with pytest.raises(UserError, match=r"env.terrain.grounds\[0\].step_m"):
-        make_environment(go1, config_of(go1, terrain=terrain([{"shape": "stairs", "step_m": [0.0, 5.0]}])))
+        on_terrain(go1, terrain([{"shape": "stairs", "step_m": [0.0, 5.0]}]))
+    for word, kinds, changes in (
+        ("'hill'", [{"shape": "hill"}], {}), ("start_levels", KINDS, {"start_levels": 5}),
+        ("size_m", [*KINDS, {"shape": "level", "size_m": 5.0}], {}),
+    ):  # fmt: skip
+        with pytest.raises(UserError, match=word):
+            terrain(kinds, **changes)

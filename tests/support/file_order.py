@@ -9,7 +9,7 @@ TRAININGS = (
     "train/test_failure.py",
     "footfall/test_cli_train.py",
 )
-UPDATES = ("train/test_ppo.py", "train/test_iteration.py", "train/test_networks.py", "train/test_symmetry.py")
+UPDATES = ("train/test_ppo.py", "train/test_iteration.py", "train/test_networks.py")
 TOGETHER = {file: group[0] for group in (TRAININGS, UPDATES) for file in group}
 
 # The files that take longest, in decreasing order. Otherwise one worker would still be busy when the others
@@ -37,7 +37,6 @@ LONGEST = (
     "evaluate/test_weakest.py",
     "identify/test_explain.py",
     "policies/test_controllers_delay.py",
-    "train/test_environment.py",
     "evaluate/test_episodes.py",
     "repository/test_imports.py",
     "policies/test_flight.py",
@@ -50,7 +49,6 @@ LONGEST = (
     "robots/test_check.py",
     "deploy/test_battery.py",
     "benchmarks/test_recordings.py",
-    "train/test_devices.py",
     "footfall/test_cli_replay.py",
     "repository/test_docs.py",
     "pages/test_page.py",

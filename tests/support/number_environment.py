@@ -7,11 +7,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from brax.training.types import Transition
 
 from footfall.train.brax.networks import make_networks
-from footfall.train.brax.rollout import roll_out
-from footfall.train.brax.state import TrainState, initial_state
+from footfall.train.brax.state import TrainState
 from footfall.train.config import PpoConfig, load_preset
 
 SIZES = {"state": 3, "privileged_state": 2}
@@ -89,21 +87,10 @@ def step_batch(env: Any, state: Any, action: jax.Array) -> Any:
     return env.step_batch(state, action)
 
 
-def first_state(env: Any, networks: Any, config: PpoConfig, seed: int = 0) -> TrainState:
-    """The state of a training before its first iteration."""
-    return initial_state(env, networks, config, seed)
-
-
 def with_scaled_actor(state: TrainState) -> TrainState:
     """The state with an actor whose actions depend on the observation more than on noise."""
     policy = jax.tree.map(lambda x: 5.0 * x, state.params.policy)
     return state._replace(params=state.params.replace(policy=policy))
-
-
-def rolled_out(env: Any, networks: Any, config: PpoConfig, state: TrainState) -> Transition:
-    """The transitions of one rollout."""
-    keys = jax.random.split(jax.random.PRNGKey(1), config.num_steps_per_env)
-    return roll_out(env, networks, config, state, keys)[1][0]
 
 
 # Settings for a `CountingEnvironment`, with a number of its own for each.

@@ -5,8 +5,6 @@ from functools import cache, partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
-import number_environment
 import numpy as np
 from brax.training.types import Transition
 from number_environment import ACTIONS, SIZES, NumberEnvironment
@@ -14,35 +12,34 @@ from number_environment import ACTIONS, SIZES, NumberEnvironment
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.train.brax.networks import make_networks
 from footfall.train.brax.ppo import Ppo
-from footfall.train.brax.state import TrainState
+from footfall.train.brax.rollout import roll_out
+from footfall.train.brax.state import TrainState, initial_state
 from footfall.train.config import PpoConfig, load_preset
 
 NOT_MOVED = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
 ENVIRONMENTS, UNROLL = 8, 4
-RATE = 1e-3
 CONFIG: PpoConfig = replace(
     load_preset("smoke").ppo,
     num_envs=ENVIRONMENTS,
     num_steps_per_env=UNROLL,
     num_mini_batches=1,
     num_learning_epochs=1,
-    learning_rate=RATE,
-    final_learning_rate=RATE,
+    learning_rate=1e-3,
+    final_learning_rate=1e-3,
     lam=0.0,  # a value's target is the reward and the discounted next value
 )
 NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
 environment = partial(NumberEnvironment, ENVIRONMENTS)
-first_state = partial(number_environment.first_state, networks=NETWORKS, config=CONFIG)
 
 
-def rolled_out(env: NumberEnvironment, state: TrainState) -> Transition:
+def first_state(env: Any, config: PpoConfig = CONFIG) -> TrainState:
+    """The state of a training before its first iteration."""
+    return initial_state(env, NETWORKS, config, 0)
+
+
+def rolled_out(env: Any, state: TrainState) -> Transition:
     """The transitions of one rollout."""
-    return number_environment.rolled_out(env, NETWORKS, CONFIG, state)
-
-
-def observation(value: float = 1.0) -> dict[str, jax.Array]:
-    """The observation of all environments in every step."""
-    return {name: jnp.full((ENVIRONMENTS, size), value) for name, size in SIZES.items()}
+    return roll_out(env, NETWORKS, CONFIG, state, jax.random.split(jax.random.PRNGKey(1), UNROLL))[1][0]
 
 
 @cache
@@ -59,5 +56,5 @@ def learnt(
 ) -> tuple[Any, dict[str, np.ndarray]]:
     """The optimiser's state and the losses (epoch, mini-batch) after one update."""
     update = plain_update(config) if mirror is None else jax.jit(Ppo(NETWORKS, config, mirror=mirror).update)
-    _, optimizer, losses = update(state, rollout, observation(), jax.random.PRNGKey(2))
+    _, optimizer, losses = update(state, rollout, environment().shown, jax.random.PRNGKey(2))
     return optimizer, {name: np.asarray(value) for name, value in losses.items()}

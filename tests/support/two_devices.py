@@ -1,4 +1,4 @@
-"""`train/test_devices.py` runs this in a process of its own, on a machine of two (host) devices."""
+"""`train/test_cluster.py` runs this in a process of its own, on a machine of two (host) devices."""
 
 import json
 from functools import cache

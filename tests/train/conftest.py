@@ -1,6 +1,7 @@
 """Fixtures for the tests of `train`."""
 
 import os
+import signal
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,10 +30,8 @@ def disk() -> Iterator[Path]:
     """A folder on a disk of one megabyte."""
     folder = Path("/tmp") / f"footfall-small-disk-{os.getpid()}"
     folder.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", folder], capture_output=True, check=False
-    )
-    if mounted.returncode:
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", folder]
+    if subprocess.run(mount, capture_output=True, check=False).returncode:
         folder.rmdir()
         pytest.skip("a small disk can be mounted by root only")
     yield folder
@@ -41,12 +40,18 @@ def disk() -> Iterator[Path]:
 
 
 @pytest.fixture
+def hangups_end_the_process() -> Iterator[None]:
+    """SIGHUP acts as without nohup, under which the tests themselves may run."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.fixture
 def private_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A cache of its own; afterwards JAX's settings are restored."""
-    names = [
-        name for name in jax.config.values if name.startswith(("jax_compilation_cache_dir", "jax_persistent"))
-    ]
-    before = {name: jax.config.values[name] for name in names}
+    kept = ("jax_compilation_cache_dir", "jax_persistent")
+    before = {name: value for name, value in jax.config.values.items() if name.startswith(kept)}
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", str(tmp_path / "jax"))
     reset_cache()
     (tmp_path / "jax").mkdir()
@@ -59,9 +64,11 @@ def private_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[P
 @pytest.fixture(scope="session")
 def counting() -> Any:
     """The first state of a training in a `CountingEnvironment`."""
-    from number_environment import COUNTING, COUNTING_NETWORKS, CountingEnvironment, first_state
+    from number_environment import COUNTING, COUNTING_NETWORKS, CountingEnvironment
 
-    return first_state(CountingEnvironment(), COUNTING_NETWORKS, COUNTING, 3)
+    from footfall.train.brax.state import initial_state
+
+    return initial_state(CountingEnvironment(), COUNTING_NETWORKS, COUNTING, 3)
 
 
 @pytest.fixture

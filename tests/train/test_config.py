@@ -9,24 +9,24 @@ import yaml
 from footfall.common.config import dump
 from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
-from footfall.robots.description import load_robot
+from footfall.robots.description import Robot, load_robot
 from footfall.train.config import PRESETS, PpoConfig, load_preset, with_settings
 from footfall.train.runs.folder import open_run
 
 PPO: PpoConfig = replace(
     load_preset("smoke").ppo, num_envs=6, num_steps_per_env=3, num_mini_batches=3, num_learning_epochs=4
 )
-ZOO = PRESETS.parents[1] / "policies" / "zoo"
 
 
-def own_training(folder: Path, text: str) -> Path:
+def own_training(folder: Path, text: str) -> Robot:
+    """The robot in this folder, with a training.yaml of this text."""
     (folder / "training.yaml").write_text(text)
-    return folder
+    return load_robot(folder)
 
 
 def test_a_robots_file_replaces_only_its_own_keys(own_folder: Path) -> None:
     changes = "gait: {frequency_hz: 1.5}, rewards: {torque: -0.5}, commands: {hold_s: {low: 1, high: 2}}"
-    robot = load_robot(own_training(own_folder, f"env: {{{changes}}}"))
+    robot = own_training(own_folder, f"env: {{{changes}}}")
     mine, shipped = load_preset("cpu", robot).env, load_preset("cpu").env
     assert mine.gait == replace(shipped.gait, frequency_hz=1.5)
     assert mine.weights == shipped.weights | {"torque": -0.5}
@@ -36,7 +36,7 @@ def test_a_robots_file_replaces_only_its_own_keys(own_folder: Path) -> None:
 
 def test_a_copied_preset_keeps_changes_of_robot_and_user(own_folder: Path, tmp_path: Path) -> None:
     changes = "env: {gait: {frequency_hz: 1.5}, rewards: {torque: -0.5, power: -0.25}}"
-    robot = load_robot(own_training(own_folder, changes))
+    robot = own_training(own_folder, changes)
     copy, text = tmp_path / "own.yaml", (PRESETS / "cpu.yaml").read_text()
     copy.write_text(text)
     adapted = load_preset("cpu", robot)
@@ -66,16 +66,14 @@ def test_single_settings_are_replaced_by_their_keys() -> None:
             with_settings(cpu, {key: 1}, "--set")
 
 
-def test_a_complete_configuration_is_used_unchanged(own_folder: Path, tmp_path: Path) -> None:
-    """A run's config.yaml: its settings of the training count, even if the robot's file has changed."""
-    robot = load_robot(own_training(own_folder, "env: {gait: {frequency_hz: 1.5}}"))
-    (tmp_path / "config.yaml").write_text(dump(load_preset("cpu")))
-    assert load_preset(str(tmp_path / "config.yaml"), robot) == load_preset("cpu")
-
-
-def test_a_file_with_a_base_holds_only_its_changes(own_folder: Path, tmp_path: Path) -> None:
-    robot = load_robot(own_training(own_folder, "env:\n  gait: {frequency_hz: 1.5}\n"))
+def test_a_file_holds_its_changes_of_a_base_or_a_complete_configuration(
+    own_folder: Path, tmp_path: Path
+) -> None:
+    """A complete one is a run's config.yaml: it counts even if the robot's file has changed."""
+    robot = own_training(own_folder, "env:\n  gait: {frequency_hz: 1.5}\n")
     file = tmp_path / "own.yaml"
+    file.write_text(dump(load_preset("cpu")))
+    assert load_preset(str(file), robot) == load_preset("cpu")
     file.write_text("base: cpu\nppo: {learning_rate: 2.0e-3}\nenv:\n  rewards: {torque: -0.5}\n")
     mine, base = load_preset(str(file), robot), load_preset("cpu", robot)
     assert mine.ppo == replace(base.ppo, learning_rate=2.0e-3)
@@ -84,47 +82,40 @@ def test_a_file_with_a_base_holds_only_its_changes(own_folder: Path, tmp_path: P
     assert replace(mine.env, rewards=base.env.rewards) == base.env
 
 
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("base: fast\n", r"own\.yaml: base: .*'fast'"),
-        ("base: [cpu]\n", r"own\.yaml: base: .*\['cpu'\]"),
-        ("base: cpu\nenv: {gate: {}}\n", r"own\.yaml over .*cpu\.yaml: env: .*gate"),
-    ],
-)
-def test_a_file_with_a_wrong_base_or_change_is_refused(tmp_path: Path, text: str, complaint: str) -> None:
+def test_a_file_with_a_wrong_base_or_change_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "own.yaml"
-    file.write_text(text)
-    with pytest.raises(UserError, match=complaint):
-        load_preset(str(file))
+    for text, complaint in (
+        ("base: fast\n", r"own\.yaml: base: .*'fast'"), ("base: [cpu]\n", r"own\.yaml: base: .*\['cpu'\]"),
+        ("base: cpu\nenv: {gate: {}}\n", r"own\.yaml over .*cpu\.yaml: env: .*gate"),
+    ):  # fmt: skip
+        file.write_text(text)
+        with pytest.raises(UserError, match=complaint):
+            load_preset(str(file))
 
 
 def test_settings_load_under_their_older_names(own_folder: Path, tmp_path: Path) -> None:
     assert load_preset(str(Path(__file__).parent / "old_smoke.yaml")) == load_preset("smoke")
-    robot = load_robot(own_training(own_folder, "ppo: {clip: 0.3, discount: 0.9}\n"))
+    robot = own_training(own_folder, "ppo: {clip: 0.3, discount: 0.9}\n")
     mine = load_preset("smoke", robot).ppo
     assert (mine.clip_param, mine.gamma) == (0.3, 0.9)
     for policy in ("go1-flat", "g1-flat", "hexapod-flat"):
-        ppo = open_run(ZOO / policy).config.ppo
+        ppo = open_run(PRESETS.parents[1] / "policies" / "zoo" / policy).config.ppo
         assert (ppo.num_envs, ppo.clip_param, ppo.actor_hidden_dims) == (32768, 0.2, (512, 256, 128))
 
 
-@pytest.mark.parametrize(
-    ("text", "named"),
-    [
+def test_a_wrong_name_is_refused(own_folder: Path) -> None:
+    for text, named in (
         ("ppo: {clip: 0.3, clip_param: 0.2}", r"ppo.* clip "),  # an old name beside the new one
         ("env: {rewards: {torqe: {limit: 1}}}", r"training\.yaml: env\..*torque"),
         ("env: {terminations: {tilte: {limit_rad: 1.0}}}", r"training\.yaml: env\..*tilted"),
-    ],
-)
-def test_a_wrong_name_is_refused(own_folder: Path, text: str, named: str) -> None:
-    robot = load_robot(own_training(own_folder, text))
-    with pytest.raises(UserError, match=named):
-        load_preset("smoke", robot)
+    ):
+        robot = own_training(own_folder, text)
+        with pytest.raises(UserError, match=named):
+            load_preset("smoke", robot)
 
 
 def test_a_preset_decides_whether_the_robots_own_changes_act(own_folder: Path, tmp_path: Path) -> None:
-    robot = load_robot(own_training(own_folder, "env: {episode_s: 7.5}"))
+    robot = own_training(own_folder, "env: {episode_s: 7.5}")
     assert load_preset("smoke", robot).env.episode_s == 7.5
     assert load_preset("getup", robot) == load_preset("getup")
     path = tmp_path / "mine.yaml"
@@ -141,22 +132,18 @@ def test_a_preset_decides_whether_the_robots_own_changes_act(own_folder: Path, t
         with_settings(load_preset("smoke", robot), {"training_yaml": False}, "--set")
 
 
-def test_the_entropy_coefficient_stays_or_falls_linearly() -> None:
-    ppo = replace(load_preset("smoke").ppo, entropy_coef=0.01)
-    assert ppo.entropy_weight(0) == ppo.entropy_weight(ppo.iterations) == 0.01
-    falling = replace(ppo, final_entropy_coef=0.002)
-    shares = [falling.entropy_weight(share * falling.iterations) for share in (0.0, 0.5, 1.0)]
-    assert shares == pytest.approx([0.01, 0.006, 0.002])
+def test_learning_rate_and_entropy_coefficient_fall_linearly() -> None:
+    constant = replace(PPO, total_steps=10 * 18, entropy_coef=0.01)
+    assert constant.entropy_weight(0) == constant.entropy_weight(10) == 0.01
+    falling = replace(constant, final_entropy_coef=0.002, learning_rate=3e-3, final_learning_rate=1e-3)
+    assert [falling.entropy_weight(done) for done in (0, 5, 10)] == pytest.approx([0.01, 0.006, 0.002])
+    assert [falling.learning_rate_limit(done) for done in (0, 5, 10)] == pytest.approx([3e-3, 2e-3, 1e-3])
 
 
 def test_iterations_cover_all_steps() -> None:
     for steps, iterations in ((1, 1), (18, 1), (19, 2), (36, 2), (37, 3)):
         assert replace(PPO, total_steps=steps).iterations == iterations
     assert PPO.steps_per_iteration == 18
-
-    falling = replace(PPO, learning_rate=3e-3, final_learning_rate=1e-3, total_steps=10 * 18)
-    limits = [falling.learning_rate_limit(done) for done in (0, 5, 10)]
-    assert limits == pytest.approx([3e-3, 2e-3, 1e-3])
 
 
 def test_impossible_settings_are_refused() -> None:

@@ -1,5 +1,7 @@
-"""An export is written only if ONNX Runtime agrees with the trainer's own network."""
+"""An export is written only if ONNX Runtime agrees with the network; `restamp` changes only the digest."""
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,23 +9,29 @@ import pytest
 
 pytest.importorskip("onnx")
 
+import onnx
+from onnx import helper
+
 from footfall.common.errors import UserError
-from footfall.policies.contract import Contract
+from footfall.policies.contract import CONTRACT_KEY, TRAINER_KEY, Contract
+from footfall.policies.learned import open_network
+from footfall.policies.registry import ZOO
+from footfall.robots.description import Robot
 from footfall.train.actor import Actor
 from footfall.train.export import export
+from footfall.train.restamp import restamp
 
 INPUTS, HIDDEN, ACTIONS = 110, 8, 12  # the first and the last as in the contract
+NONE_SEEN = np.zeros((0, INPUTS))
 
 
 def actor(shift: float = 0.0) -> Actor:
     """A small ELU network, and its declared outputs, which may be shifted."""
     rng = np.random.default_rng(0)
-    mean = np.linspace(-1.0, 1.0, INPUTS, dtype=np.float32)
-    deviation = np.full(INPUTS, 2.0, np.float32)
-    sizes = ((INPUTS, HIDDEN), (HIDDEN, ACTIONS))
+    mean, deviation = np.linspace(-1.0, 1.0, INPUTS, dtype=np.float32), np.full(INPUTS, 2.0, np.float32)
     layers = tuple(
         (rng.normal(0.0, 0.1, size).astype(np.float32), rng.normal(size=size[1]).astype(np.float32))
-        for size in sizes
+        for size in ((INPUTS, HIDDEN), (HIDDEN, ACTIONS))
     )
 
     def act(observed: np.ndarray) -> np.ndarray:
@@ -35,27 +43,56 @@ def actor(shift: float = 0.0) -> Actor:
 
 
 def test_an_export_that_agrees_is_written(contract: Contract, tmp_path: Path) -> None:
-    worst = export(actor(), contract, np.zeros((0, INPUTS)), tmp_path / "policy.onnx")
-    assert worst < 1e-5
+    assert export(actor(), contract, NONE_SEEN, tmp_path / "policy.onnx") < 1e-5
     assert [path.name for path in tmp_path.iterdir()] == ["policy.onnx"]
 
 
-@pytest.mark.parametrize("shift", [2e-5, -2e-5, np.nan, np.inf])
-def test_an_export_that_differs_is_not_written(contract: Contract, tmp_path: Path, shift: float) -> None:
-    """A policy whose difference is NaN is not written either."""
-    with pytest.raises(UserError):
-        export(actor(shift=shift), contract, np.zeros((0, INPUTS)), tmp_path / "policy.onnx")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_export_is_tested_on_observations_of_the_training(contract: Contract, tmp_path: Path) -> None:
-    """A network that agrees around its mean may differ far from it."""
-    far = np.full((1, INPUTS), 100.0)
-    honest = actor()
+def test_an_export_that_differs_is_not_written(contract: Contract, tmp_path: Path) -> None:
+    """Nor is one whose difference is NaN, or that differs only far from its mean, where it was trained."""
 
     def differs_far_away(observed: np.ndarray) -> np.ndarray:
-        return honest.act(observed) + (np.abs(observed) > 50.0).any(axis=1, keepdims=True)
+        return actor().act(observed) + (np.abs(observed) > 50.0).any(axis=1, keepdims=True)
 
-    wrong = honest._replace(act=differs_far_away)
-    with pytest.raises(UserError):
-        export(wrong, contract, far, tmp_path / "policy.onnx")
+    far = actor()._replace(act=differs_far_away), np.full((1, INPUTS), 100.0)
+    for wrong, seen in (*((actor(shift), NONE_SEEN) for shift in (2e-5, -2e-5, np.nan, np.inf)), far):
+        with pytest.raises(UserError):
+            export(wrong, contract, seen, tmp_path / "policy.onnx")
+        assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def aged(tmp_path: Path) -> Path:
+    """A policy of the zoo with an outdated digest."""
+    folder = Path(shutil.copytree(ZOO / "go1-flat", tmp_path / "aged"))
+    write(folder, digest="0123456789abcdef")
+    (folder / "run.yaml").write_text("robot: go1\nrobot_digest: 0123456789abcdef\n")
+    return folder
+
+
+def write(folder: Path, **changes: object) -> None:
+    path = folder / "policy.onnx"
+    model = onnx.load(path)
+    metadata = {entry.key: entry.value for entry in model.metadata_props}
+    contract = replace(Contract.from_json(metadata[CONTRACT_KEY], ""), **changes)
+    helper.set_model_props(model, metadata | {CONTRACT_KEY: contract.to_json()})
+    onnx.save(model, path)
+
+
+def test_only_the_digest_changes(aged: Path, go1: Robot) -> None:
+    network, before = open_network(aged / "policy.onnx")
+    assert restamp(aged) == ("0123456789abcdef", go1.digest)
+    restamped, after = open_network(aged / "policy.onnx")
+    assert after == replace(before, digest=go1.digest)
+    assert restamped.get_modelmeta().custom_metadata_map[TRAINER_KEY] == "brax"
+    observed = np.random.default_rng(0).normal(size=(1, network.get_inputs()[0].shape[-1]))
+    feed = {"observation": observed.astype(np.float32)}
+    np.testing.assert_array_equal(restamped.run(None, feed)[0], network.run(None, feed)[0])
+    assert (aged / "run.yaml").read_text() == f"robot: go1\nrobot_digest: {go1.digest}\n"
+
+
+def test_a_policy_with_other_differences_is_refused_and_left_unchanged(aged: Path) -> None:
+    write(aged, kp=(1.0,) * 12)
+    content = (aged / "policy.onnx").read_bytes()
+    with pytest.raises(UserError, match="kp: "):
+        restamp(aged)
+    assert (aged / "policy.onnx").read_bytes() == content

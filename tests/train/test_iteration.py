@@ -1,4 +1,4 @@
-"""One iteration: rollout, update, normaliser and metrics, on an environment of a few numbers."""
+"""One iteration: rollout, update, statistics and metrics, on an environment of a few numbers."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,10 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from brax.training.acme import running_statistics
 from number_environment import (
     COUNTING,
     COUNTING_NETWORKS,
     REWARD,
+    SIZES,
     CountingEnvironment,
     NumberEnvironment,
     with_scaled_actor,
@@ -20,25 +22,22 @@ from ppo_on_numbers import CONFIG, ENVIRONMENTS, NETWORKS, NOT_MOVED, UNROLL, en
 from footfall.train.brax import iteration, ppo, rollout
 from footfall.train.brax.iteration import make_iteration
 from footfall.train.brax.state import TrainState
+from footfall.train.brax.statistics import MIN_STD, moments, updated, updated_alone
+from footfall.train.stacked import StackedScalars, floats
 
 pytestmark = pytest.mark.usefixtures("number_steps")
 
 
 def test_an_iteration_follows_observations_episodes_and_steps() -> None:
     env = environment(shown=5.0, fallen=2, out_of_time=1)
-    begun_late = first_state(env)._replace(iteration=jnp.int32(3))
+    begun_late = with_scaled_actor(first_state(env))._replace(iteration=jnp.int32(3))
     state, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(begun_late)
     np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
     assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
     assert float(metrics["episode/length_s"]) == pytest.approx(10 * 0.02)  # of ended episodes
     assert float(metrics["reward/total"]) == pytest.approx(REWARD / 0.02)  # per second
     assert float(metrics["level"]) == 3 * ENVIRONMENTS * UNROLL
-
-
-def test_the_normaliser_moves_after_learning() -> None:
-    """Otherwise the actor would seem to have changed."""
-    env = environment(shown=5.0)
-    _, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(with_scaled_actor(first_state(env)))
+    # The normaliser moves after learning, or the actor would seem to have changed.
     assert float(metrics["learning/kl_mean"]) == pytest.approx(0.0, abs=NOT_MOVED)
 
 
@@ -53,29 +52,16 @@ class Reaching(NumberEnvironment):
 
 def test_ppo_learns_the_rewarded_action() -> None:
     """An actor that begins at zero ends where the reward is largest, and its standard deviation falls."""
-    iterations, environments = 20, 64
-    config = replace(
-        CONFIG,
-        num_envs=environments,
-        total_steps=iterations * environments * UNROLL,
-        num_mini_batches=2,
-        num_learning_epochs=2,
-        learning_rate=3e-3,
-        desired_kl=0.01,
-    )
-    env = Reaching(environments)
+    env = Reaching(64)
+    sizes = {"num_envs": 64, "total_steps": 20 * 64 * UNROLL, "num_mini_batches": 2, "num_learning_epochs": 2}
+    config = replace(CONFIG, **sizes, learning_rate=3e-3, desired_kl=0.01)
     iterate = jax.jit(make_iteration(env, NETWORKS, config))
     state = first_state(env, config=config)
-    for _ in range(iterations):
+    for _ in range(20):
         state, _, _ = iterate(state)
     mean, std = NETWORKS.policy_network.apply(state.normalizer, state.params.policy, env.shown)
     np.testing.assert_allclose(mean[0], Reaching.TARGET, atol=0.1)
     assert float(jnp.max(std)) < CONFIG.init_noise_std
-
-
-def plain_loss(params: Any, *_: Any, **__: Any) -> tuple[Any, dict]:
-    """A loss that is quick to trace."""
-    return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params)), {"kl_mean": jnp.float32(0.0)}
 
 
 class TestCounting:
@@ -85,35 +71,66 @@ class TestCounting:
         keys, env = jax.random.split(jax.random.PRNGKey(1), 3), CountingEnvironment()
         rolled = rollout.roll_out(env, COUNTING_NETWORKS, COUNTING, counting, keys)
         (state, observation), (transitions, metrics) = rolled
-        start = np.asarray(counting.env)
-        np.testing.assert_allclose(
-            transitions.observation["state"][..., 0], start + np.arange(3)[:, None], rtol=1e-6
-        )
-        np.testing.assert_allclose(observation["state"][:, 0], start + 3, rtol=1e-6)
-        np.testing.assert_allclose(state, start + 3, rtol=1e-6)
-        steps = np.arange(1, 3 + 1)[:, None]
-        np.testing.assert_allclose(transitions.reward, 10.0 * np.arange(6) + steps)
+        start, steps = np.asarray(counting.env), np.arange(1, 4)[:, None]
         ended, late = np.zeros((3, 6)), np.zeros((3, 6))
         ended[1, 0] = ended[2, 1] = late[2, 1] = 1.0
-        np.testing.assert_array_equal(transitions.discount, 1.0 - ended)
-        np.testing.assert_array_equal(transitions.extras["state_extras"]["truncation"], late)
-        np.testing.assert_array_equal(metrics["steps"], np.tile(steps, 6))
+        for found, expected in (
+            (transitions.observation["state"][..., 0], start + steps - 1), (state, start + 3),
+            (observation["state"][:, 0], start + 3), (transitions.reward, 10.0 * np.arange(6) + steps),
+            (transitions.discount, 1.0 - ended), (transitions.extras["state_extras"]["truncation"], late),
+            (metrics["steps"], np.tile(steps, 6)),
+        ):  # fmt: skip
+            np.testing.assert_allclose(found, expected, rtol=1e-6)
 
     def test_metrics_are_means(self, counting: TrainState, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(ppo, "compute_ppo_loss", plain_loss)
-        monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", 1000)
-        all_of_them = jax.eval_shape(
-            make_iteration(CountingEnvironment(), COUNTING_NETWORKS, COUNTING), counting
-        )[2]
-        assert all_of_them.shape == (18, 3)
-        for limit in (4, 8):
+        def quickly_traced(params: Any, *_: Any, **__: Any) -> tuple[Any, dict]:
+            return sum(jnp.sum(leaf) for leaf in jax.tree.leaves(params)), {"kl_mean": jnp.float32(0.0)}
+
+        monkeypatch.setattr(ppo, "compute_ppo_loss", quickly_traced)
+        for limit, logged in ((4, 4), (8, 8), (1000, 18)):
             monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", limit)
             _, metrics, seen = make_iteration(CountingEnvironment(), COUNTING_NETWORKS, COUNTING)(counting)
-            assert seen.shape == (limit, 3)
+            assert seen.shape == (logged, 3)
             newest = np.asarray(counting.env) + 2.0
             np.testing.assert_allclose(seen[-6:, 0], newest[:limit], rtol=1e-6)
         # Mean of episodes of two and three steps.
-        assert float(metrics["episode/length_s"]) == pytest.approx(2.5 * 0.05)
-        assert float(metrics["reward/total"]) == pytest.approx((25.0 + 2.0) / 0.05)
-        assert float(metrics["steps"]) == pytest.approx(2.0)
+        means = {"episode/length_s": 2.5 * 0.05, "reward/total": (25.0 + 2.0) / 0.05, "steps": 2.0}
+        assert {name: float(metrics[name]) for name in means} == pytest.approx(means)
         assert not {"done", "length"} & set(metrics)
+
+
+def test_scalars_keep_their_names_through_a_program_and_to_the_host() -> None:
+    @jax.jit
+    def program(x: jax.Array) -> StackedScalars:
+        steps = jax.lax.map(lambda each: StackedScalars.of({"b": each, "a": 2.0 * each}), x)
+        return steps.mean(axis=0)
+
+    found = program(jnp.array([1.0, 2.0, 6.0]))
+    assert (floats(found), set(found), float(found["b"])) == ({"a": 6.0, "b": 3.0}, {"a", "b"}, 3.0)
+    assert floats({"a": jnp.float32(1.0), "b": 2}) == {"a": 1.0, "b": 2.0}  # not stacked: read separately
+
+
+class TestStatistics:
+    """Running statistics of the observations of 5 steps of 40 environments."""
+
+    def test_two_shares_give_the_statistics_of_brax_for_the_whole(self) -> None:
+        rng = np.random.default_rng(0)
+        ours = running_statistics.init_state({name: jnp.zeros(size) for name, size in SIZES.items()})
+        theirs = ours
+        for mean in (2.0, 2.5, -1.0):
+            drawn = {name: rng.normal(mean, 0.5, (5, 40, size)) for name, size in SIZES.items()}
+            whole = {name: jnp.asarray(each, jnp.float32) for name, each in drawn.items()}
+            first, second = (
+                moments(ours, {name: x[:, half] for name, x in whole.items()})
+                for half in (slice(None, 20), slice(20, None))
+            )
+            ours = updated(ours, jax.tree.map(lambda a, b: (a + b) / 2, first, second), 200)
+            theirs = updated_alone(theirs, whole)
+        jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=2e-5), ours, theirs)
+
+    def test_an_observation_that_hardly_varies_is_not_amplified(self) -> None:
+        start = running_statistics.init_state({"state": jnp.zeros(1)})
+        constant = {"state": jnp.full((5, 40, 1), 9.81)}
+        for after in (updated(start, moments(start, constant), 200), updated_alone(start, constant)):
+            np.testing.assert_allclose(after.mean["state"], 9.81, rtol=1e-6)
+            assert float(after.std["state"][0]) == np.float32(MIN_STD)

@@ -9,8 +9,8 @@ import sys
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import jax.numpy as jnp
 import pytest
@@ -26,6 +26,8 @@ from footfall.train.runs.display import Display
 from footfall.train.runs.folder import Run
 from footfall.train.trainer import Trainer
 
+pytestmark = pytest.mark.usefixtures("hangups_end_the_process")
+
 ITERATIONS = 4
 STEPS = 256  # of an iteration
 
@@ -34,14 +36,8 @@ class FakeTrainer(Trainer):
     """Counts its iterations; a device computes the metrics when they are read."""
 
     def __init__(self, run: Run, before_iteration: Callable[[int], None] = lambda _: None) -> None:
-        self.run, self.before_iteration = run, before_iteration
-        self.iteration = 0
+        self.run, self.before_iteration, self.iteration = run, before_iteration, 0
         self.calls: list[str] = []
-
-    def prepare(self, report: Any) -> None: ...
-
-    def restore(self, path: Path) -> None:
-        self.iteration = int(path.stem)
 
     def iterate(self) -> dict[str, Any]:
         self.before_iteration(self.iteration + 1)
@@ -53,15 +49,12 @@ class FakeTrainer(Trainer):
         self.calls.append(f"save {self.iteration}")
         checkpoint.write(self.run.checkpoints, self.iteration, b"state")
 
-    def export(self, path: Path) -> float:
-        return 0.0
-
 
 @pytest.fixture
 def run(run: Run) -> Run:
     """A run of four iterations with a checkpoint only at the end."""
-    config = replace(run.config, ppo=replace(run.config.ppo, total_steps=ITERATIONS * STEPS))
-    config = replace(config, checkpoint_interval_s=1e6)
+    ppo = replace(run.config.ppo, total_steps=ITERATIONS * STEPS)
+    config = replace(run.config, ppo=ppo, checkpoint_interval_s=1e6)
     (run.folder / "config.yaml").write_text(dump(config))
     return replace(run, config=config)
 
@@ -74,16 +67,12 @@ def logged(run: Run) -> list[dict[str, float]]:
     return [json.loads(line) for line in (run.folder / "metrics.jsonl").read_text().splitlines()]
 
 
-def test_the_loop_logs_each_iteration_and_saves_the_last(run: Run) -> None:
-    trainer = FakeTrainer(run)
+def test_the_loop_logs_each_iteration_during_the_next_one_and_saves_the_last(run: Run) -> None:
+    lines: list[int] = []
+    trainer = FakeTrainer(run, lambda _: lines.append(len(logged(run))))
     learn(run, trainer, quiet())
     assert trainer.calls == ["iterate 1", "iterate 2", "iterate 3", "iterate 4", "save 4"]
     assert [line["step"] for line in logged(run)] == [STEPS * k for k in range(1, ITERATIONS + 1)]
-
-
-def test_an_iteration_is_logged_at_the_latest_during_the_next_iteration(run: Run) -> None:
-    lines = []
-    learn(run, FakeTrainer(run, lambda _: lines.append(len(logged(run)))), quiet())
     assert all(iteration - 2 <= count < iteration for iteration, count in enumerate(lines, 1))
     assert len(lines) == ITERATIONS
 
@@ -112,46 +101,30 @@ def test_a_signal_ends_a_training_after_the_iteration_with_a_checkpoint(
             os.kill(os.getpid(), number)
 
     trainer = FakeTrainer(run, stop)
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests themselves may run under nohup
-    try:
-        with nullcontext() if during == ITERATIONS else pytest.raises(KeyboardInterrupt):
-            learn(run, trainer, quiet())
-    finally:
-        signal.signal(signal.SIGHUP, before)
+    with nullcontext() if during == ITERATIONS else pytest.raises(KeyboardInterrupt):
+        learn(run, trainer, quiet())
     assert trainer.calls == calls
     assert len(logged(run)) == sum(call.startswith("iterate") for call in calls)
 
 
 def test_a_training_under_nohup_outlives_its_terminal(run: Run) -> None:
     trainer = FakeTrainer(run, lambda _: os.kill(os.getpid(), signal.SIGHUP))
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        learn(run, trainer, quiet())
-    finally:
-        signal.signal(signal.SIGHUP, before)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    learn(run, trainer, quiet())
     assert trainer.calls[-1] == f"save {ITERATIONS}"
 
 
 @pytest.mark.parametrize("error", [errno.ENOSPC, errno.EPIPE])
-def test_an_output_that_fails_does_not_end_a_training(
-    run: Run, error: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class FailingFile(io.StringIO):
-        def write(self, text: str) -> int:
-            raise OSError(error, os.strerror(error))
-
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    monkeypatch.setattr(FailingFile, "fileno", lambda _: nowhere)
-    monkeypatch.setattr(sys, "stdout", FailingFile())  # rich discards it after EPIPE
+def test_a_failing_output_ends_no_training(run: Run, error: int, monkeypatch: pytest.MonkeyPatch) -> None:
     trainer = FakeTrainer(run)
-    learn(run, trainer, Display(ITERATIONS * STEPS, Console(file=sys.stdout)))
-    os.close(nowhere)
+    with open(os.devnull, "w") as nowhere:  # rich gives its descriptor away after EPIPE
+        failing = Mock(io.StringIO, fileno=nowhere.fileno, write=Mock(side_effect=OSError(error, "failed")))
+        monkeypatch.setattr(sys, "stdout", failing)
+        learn(run, trainer, Display(ITERATIONS * STEPS, Console(file=failing)))
     assert trainer.calls[-1] == f"save {ITERATIONS}"
 
 
-def test_other_processes_stop_and_save_with_the_main_process(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_processes_stop_and_save_with_the_main_one(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "is_main_process", lambda: False)
     decisions = iter([(0, 0), (0, 1), (1, 0), (0,)])  # stop, checkpoint due; at last: it is not saved
     monkeypatch.setattr(cluster, "broadcast", lambda *_: next(decisions))
@@ -163,9 +136,7 @@ def test_other_processes_stop_and_save_with_the_main_process(
 
 
 @pytest.mark.parametrize("main", [True, False])
-def test_metrics_are_logged_before_a_failure_is_reported(
-    run: Run, main: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_metrics_are_logged_before_a_failure(run: Run, main: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     class Failing(FakeTrainer):
         def iterate(self) -> dict[str, Any]:
             metrics = super().iterate()
@@ -184,15 +155,12 @@ def test_metrics_are_logged_before_a_failure_is_reported(
 def test_a_stopped_run_reports_its_progress_and_the_resume_command(
     run: Run, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(api, "_train_to_the_end", interrupted)
+    monkeypatch.setattr(api, "_train_to_the_end", Mock(side_effect=KeyboardInterrupt))
     for kept, steps in ((None, "0"), (3, "768")):
         if kept:
             checkpoint.write(run.checkpoints, kept, b"state")
         with pytest.raises(KeyboardInterrupt):
             api.resume(run.folder)
-        said = capsys.readouterr().out
-        assert f"{steps} of 1,024 steps" in said
-        assert f"footfall train --resume {run.folder}" in said
+        printed = capsys.readouterr().out
+        assert f"{steps} of 1,024 steps" in printed
+        assert f"footfall train --resume {run.folder}" in printed

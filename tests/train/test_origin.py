@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -46,48 +47,41 @@ class Trained:
     def begin(self, seed: int) -> TrainState:
         return jax.device_get(self._begin(seed))
 
-    def fresh(self, seed: int) -> tuple:
-        state = self.begin(seed)
-        return state.params, state.normalizer
+    def copied(self, path: Path) -> tuple[Any, ...]:
+        """Parameters, normaliser and notes of a training that starts from a file, and its own parameters."""
+        state = self.begin(1)
+        found = copied_networks(path, state.params, state.normalizer, self.run.config.ppo)
+        return *found, state.params
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> Trained:
-    from footfall.robots.description import load_robot
-
-    return Trained(tmp_path_factory.mktemp("trained") / "run", load_robot("go1"))
+def trained(tmp_path_factory: pytest.TempPathFactory, go1: Robot) -> Trained:
+    return Trained(tmp_path_factory.mktemp("trained") / "run", go1)
 
 
 def same(one: object, other: object) -> bool:
     return all(jax.tree.leaves(jax.tree.map(lambda a, b: bool(np.array_equal(a, b)), one, other)))
 
 
-class TestTakenOver:
-    def test_a_checkpoint_gives_actor_critic_and_normaliser(self, trained: Trained) -> None:
-        path = checkpoint.latest(trained.run.checkpoints)
-        params, normalizer, _ = copied_networks(path, *trained.fresh(1), trained.run.config.ppo)
-        assert same(params, trained.state.params)
-        assert same(normalizer, trained.state.normalizer)
+def test_a_checkpoint_gives_actor_critic_and_normaliser(trained: Trained, tmp_path: Path) -> None:
+    params, normalizer, *_ = trained.copied(checkpoint.latest(trained.run.checkpoints))
+    assert same((params, normalizer), (trained.state.params, trained.state.normalizer))
+    (tmp_path / "damaged.ckpt").write_bytes(b"nothing")
+    with pytest.raises(UserError):
+        trained.copied(tmp_path / "damaged.ckpt")
 
-    def test_a_policy_gives_the_actor_and_the_critic_is_initialised(self, trained: Trained) -> None:
-        fresh = trained.fresh(1)
-        params, normalizer, notes = copied_networks(trained.run.policy, *fresh, trained.run.config.ppo)
-        assert same(dense_layers(params.policy), dense_layers(trained.state.params.policy))
-        assert same(params.value, fresh[0].value)
-        np.testing.assert_allclose(normalizer.mean["state"], 0.25)
-        assert any("critic" in line for line in notes)
-        seen = np.random.default_rng(0).normal(size=(5, fresh[1].mean["state"].size)).astype(np.float32)
-        acts = [
-            trained_actor(actor_means_function(trained.networks), n, p).act(seen)
-            for n, p in ((normalizer, params.policy), (trained.state.normalizer, trained.state.params.policy))
-        ]
-        np.testing.assert_array_equal(*acts)
 
-    def test_a_damaged_file_is_refused(self, trained: Trained, tmp_path: Path) -> None:
-        broken = tmp_path / "start.ckpt"
-        broken.write_bytes(b"nothing")
-        with pytest.raises(UserError):
-            copied_networks(broken, *trained.fresh(1), trained.run.config.ppo)
+def test_a_policy_gives_the_actor_and_the_critic_is_initialised(trained: Trained) -> None:
+    params, normalizer, notes, own = trained.copied(trained.run.policy)
+    assert same(dense_layers(params.policy), dense_layers(trained.state.params.policy))
+    assert same(params.value, own.value)
+    np.testing.assert_allclose(normalizer.mean["state"], 0.25)
+    assert any("critic" in line for line in notes)
+    seen = np.random.default_rng(0).normal(size=(5, normalizer.mean["state"].size)).astype(np.float32)
+    original = (trained.state.normalizer, trained.state.params.policy)
+    means = actor_means_function(trained.networks)
+    acts = [trained_actor(means, *each).act(seen) for each in ((normalizer, params.policy), original)]
+    np.testing.assert_array_equal(*acts)
 
 
 def test_fine_tuning_starts_with_the_loaded_networks(trained: Trained, go1: Robot, tmp_path: Path) -> None:
@@ -98,29 +92,22 @@ def test_fine_tuning_starts_with_the_loaded_networks(trained: Trained, go1: Robo
     trainer.restore(checkpoint.save(tmp_path / "other", 1, other, observed))
     trainer.start_from(trained.run.policy)
     trainer.export(tmp_path / "policy.onnx")
-    exported, original = read_exported(tmp_path / "policy.onnx"), read_exported(trained.run.policy)
-    for one, another in zip(jax.tree.leaves(exported), jax.tree.leaves(original), strict=True):
-        np.testing.assert_array_equal(one, another)
+    assert same(read_exported(tmp_path / "policy.onnx"), read_exported(trained.run.policy))
 
 
 class TestSource:
     def test_networks_come_from_a_checkpoint_of_the_same_trainer_or_a_policy(self, trained: Trained) -> None:
-        spec = trained.run.folder
-        assert find_source(spec, "brax").file == checkpoint.latest(trained.run.checkpoints)
-        assert find_source(spec, "mine:Trainer").file == trained.run.policy
-        assert find_source(ZOO / "go1-flat", "brax").file == ZOO / "go1-flat" / "policy.onnx"
+        last, policy, zoo = checkpoint.latest(trained.run.checkpoints), trained.run.policy, ZOO / "go1-flat"
+        for spec, trainer, file in (
+            (trained.run.folder, "brax", last), (trained.run.folder, "mine:Trainer", policy),
+            (zoo, "brax", zoo / "policy.onnx"),
+        ):  # fmt: skip
+            assert find_source(spec, trainer).file == file
+        for spec in ("trot", "no_such_run"):
+            with pytest.raises(UserError, match=f"--from {spec}"):
+                find_source(Path(spec), "brax")
 
-    @pytest.mark.parametrize("spec", ["trot", "no_such_run"])
-    def test_a_policy_without_networks_is_refused(self, spec: str) -> None:
-        with pytest.raises(UserError, match=f"--from {spec}"):
-            find_source(Path(spec), "brax")
-
-    def test_an_actor_of_another_size_is_refused_by_name(self, trained: Trained) -> None:
-        ppo = replace(trained.run.config.ppo, actor_hidden_dims=(7,))
-        with pytest.raises(UserError, match=r"actor_hidden_dims .*\[32, 32\].*\[7\]"):
-            check_source(find_source(trained.run.folder, "brax"), trained.env.contract, ppo)
-
-    def test_another_observation_is_refused_and_other_gains_are_reported(self, trained: Trained) -> None:
+    def test_only_other_gains_are_accepted_and_reported(self, trained: Trained) -> None:
         source, ppo = find_source(trained.run.policy, "brax"), trained.run.config.ppo
         contract = trained.env.contract
         stiffer = replace(contract, kp=tuple(2 * each for each in contract.kp))
@@ -128,21 +115,15 @@ class TestSource:
         fewer = replace(contract, observation=contract.observation[:-1], control_rate_hz=25.0)
         with pytest.raises(UserError, match=f"control_rate_hz.*{contract.observation[-1].name}"):
             check_source(source, fewer, ppo)
+        smaller = replace(ppo, actor_hidden_dims=(7,))
+        with pytest.raises(UserError, match=r"actor_hidden_dims .*\[32, 32\].*\[7\]"):
+            check_source(find_source(trained.run.folder, "brax"), contract, smaller)
 
-
-class TestRun:
-    def test_the_folder_holds_and_names_its_networks(self, trained: Trained, tmp_path: Path) -> None:
+    def test_a_run_holds_and_names_networks_that_fit(self, trained: Trained, tmp_path: Path) -> None:
         request = TrainRequest(preset="smoke", out=tmp_path / "tuned", start_from=trained.run.folder)
-        run = open_run(begin(request))
-        chosen = checkpoint.latest(trained.run.checkpoints)
-        origin = run.provenance.started_from
-        assert origin is not None
-        assert origin.file == str(chosen)
-        assert run.start is not None
-        assert run.start.read_bytes() == chosen.read_bytes()
-
-    def test_a_policy_that_does_not_fit_leaves_no_folder(self, trained: Trained, tmp_path: Path) -> None:
-        out = tmp_path / "tuned"
         with pytest.raises(UserError, match="go1-flat"):
-            begin(TrainRequest(preset="smoke", out=out, start_from=ZOO / "go1-flat"))
-        assert not out.exists()
+            begin(replace(request, start_from=ZOO / "go1-flat"))
+        assert not (tmp_path / "tuned").exists()
+        run, chosen = open_run(begin(request)), checkpoint.latest(trained.run.checkpoints)
+        assert run.provenance.started_from.file == str(chosen)
+        assert run.start.read_bytes() == chosen.read_bytes()

@@ -40,21 +40,13 @@ pytestmark = [
 
 PRESET = load_preset("smoke")
 SMOKE = replace(PRESET, env=replace(PRESET.env, physics="c"))  # compiled faster than MJX
-PPO = replace(
-    SMOKE.ppo,
-    total_steps=4 * SMOKE.ppo.steps_per_iteration,
-    learning_rate=1e-3,
-    final_learning_rate=2e-4,
-    symmetry=True,
-)
+RATES = {"learning_rate": 1e-3, "final_learning_rate": 2e-4}
+PPO = replace(SMOKE.ppo, total_steps=4 * SMOKE.ppo.steps_per_iteration, symmetry=True, **RATES)
 
 
 @pytest.fixture(scope="module")
 def torch_imported() -> Iterator[None]:
-    """torch is imported only when these tests run: every worker reads this file, and importing takes seconds.
-
-    All of them train in one environment, whose step is compiled once.
-    """
+    """Imports torch, which takes seconds, only for these tests; they share a step, which is compiled once."""
     global torch, RslRlTrainer  # noqa: PLW0603
     import torch
 
@@ -75,25 +67,19 @@ def preset(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
-def request(preset: str, out: Path) -> api.TrainRequest:
-    return api.TrainRequest(preset=preset, seed=3, out=out, trainer="rsl_rl")
-
-
 @pytest.fixture(scope="module")
 def run(torch_imported: None, preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run by the command line's function."""
     folder = tmp_path_factory.mktemp("runs") / "rsl_rl"
-    arguments = ["--preset", preset, "--trainer", "rsl_rl", "--seed", "3", "--no-evaluate"]
-    assert main(["train", *arguments, "--out", str(folder)]) == 0
+    options = ["--preset", preset, "--trainer", "rsl_rl", "--seed", "3", "--no-evaluate"]
+    assert main(["train", *options, "--out", str(folder)]) == 0
     return folder
 
 
 @pytest.fixture(scope="module")
-def shared(
-    torch_imported: None, preset: str, tmp_path_factory: pytest.TempPathFactory, go1: Robot
-) -> RslRlTrainer:
+def shared(run: Path, go1: Robot) -> RslRlTrainer:
     """A trainer that several tests use, since it is slow to make."""
-    return RslRlTrainer(api.open_run(api.begin(request(preset, tmp_path_factory.mktemp("shared")))), go1)
+    return RslRlTrainer(api.open_run(run), go1)
 
 
 @pytest.fixture
@@ -119,11 +105,16 @@ def some_actions() -> torch.Tensor:
     return 0.3 * torch.randn((PPO.num_envs, 12), generator=torch.Generator().manual_seed(1))
 
 
-# The environment
-
-
-def test_torch_uses_the_memory_of_jax(environment: TorchEnvironment) -> None:
-    seen, *_ = environment.step(some_actions())
+def test_torch_uses_jaxs_memory_and_metrics_are_recent_means(
+    environment: TorchEnvironment,
+) -> None:
+    for _ in range(2):
+        rewards = []
+        for _ in range(4):
+            seen, reward, *_ = environment.step(some_actions())
+            rewards.append(reward.mean().item())
+        expected = np.mean(rewards) * SMOKE.env.control_rate_hz
+        assert environment.take_metrics()["reward/total"] == pytest.approx(expected, rel=1e-5)
     for name, array in environment.episodes.observation.items():
         assert seen[name].data_ptr() == array.unsafe_buffer_pointer()
 
@@ -137,25 +128,10 @@ def test_a_timeout_differs_from_a_fall(environment: TorchEnvironment) -> None:
     environment.put(environment.episodes._replace(state=late))
     _, _, done, extras = environment.step(some_actions())
     assert torch.all(done == 1)
-    assert torch.all(extras["time_outs"][:5] == 0)
     assert extras["time_outs"][5:].mean() > 0.5
-    assert torch.all(environment.episode_length_buf == 0)
+    for zeros in (extras["time_outs"][:5], environment.episode_length_buf):
+        assert torch.all(zeros == 0)
     assert environment.take_metrics()["episode/length_s"] == pytest.approx(SMOKE.env.episode_s)
-
-
-def test_metrics_are_means_since_the_last_call(environment: TorchEnvironment) -> None:
-    for _ in range(2):
-        rewards = [environment.step(some_actions())[1].mean().item() for _ in range(4)]
-        expected = np.mean(rewards) * SMOKE.env.control_rate_hz
-        assert environment.take_metrics()["reward/total"] == pytest.approx(expected, rel=1e-5)
-
-
-# Upstream's algorithm under the preset
-
-
-def test_the_learning_rate_falls_with_its_limit(run: Path) -> None:
-    rates = [line["learning/learning_rate"] for line in metrics(run)]
-    assert rates == pytest.approx([1e-3, 8e-4, 6e-4, 4e-4])
 
 
 def test_a_mirror_image_follows_each_sample(trainer: RslRlTrainer, go1: Robot) -> None:
@@ -170,21 +146,16 @@ def test_a_mirror_image_follows_each_sample(trainer: RslRlTrainer, go1: Robot) -
         assert np.allclose(seen_twice[name], np.concatenate([seen[name], image(seen[name].numpy())]))
 
 
-# The run
-
-
-def metrics(run: Path) -> list[dict[str, float]]:
-    return [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
-
-
 def test_the_run_folder_has_the_files_of_any_trainer(run: Path) -> None:
     provenance = api.open_run(run).provenance
     assert provenance.trainer == "rsl_rl"
     assert {"torch", "rsl-rl-lib", "jax"} <= set(provenance.versions)
-    lines = metrics(run)
+    lines = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
     assert [line["step"] for line in lines] == [256, 512, 768, 1024]
-    assert {f"reward/{name}" for name in SMOKE.env.weights} <= set(lines[-1])
-    assert {"reward/total", "episode/length_s", "tracking/linear_error_m_s"} <= set(lines[-1])
+    rates = [line["learning/learning_rate"] for line in lines]
+    assert rates == pytest.approx([1e-3, 8e-4, 6e-4, 4e-4])  # they fall with their limit
+    names = {f"reward/{name}" for name in (*SMOKE.env.weights, "total")}
+    assert names | {"episode/length_s", "tracking/linear_error_m_s"} <= set(lines[-1])
     assert list((run / "events").glob("events.out.tfevents.*"))
 
 
@@ -201,9 +172,6 @@ def test_the_exported_policy_carries_its_normaliser(run: Path) -> None:
     assert np.abs(exported - x.numpy()).max() <= export.PARITY_LIMIT
 
 
-# Interrupted runs
-
-
 def test_a_resumed_run_continues_exactly(
     preset: str, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -218,18 +186,13 @@ def test_a_resumed_run_continues_exactly(
     with monkeypatch.context() as patch:
         patch.setattr(RslRlTrainer, "iterate", interrupted)
         with pytest.raises(KeyboardInterrupt):
-            api.train(request(preset, folder))
+            api.train(api.TrainRequest(preset=preset, seed=3, out=folder, trainer="rsl_rl"))
     assert newest(folder).name == "00000002.ckpt"
     assert not (folder / "policy.onnx").exists()
     torch.manual_seed(99)  # independent of other work of the process
     api.resume(folder)
     assert newest(folder).read_bytes() == newest(run).read_bytes()
     assert (folder / "policy.onnx").read_bytes() == (run / "policy.onnx").read_bytes()
-
-
-def corrupt(model: torch.nn.Module) -> None:
-    with torch.no_grad():
-        next(model.mlp.parameters())[0, 0] = torch.nan
 
 
 @pytest.mark.parametrize("part", ["actor", "critic", "optimizer", "episodes"])
@@ -243,7 +206,8 @@ def test_each_part_of_a_checkpoint_is_checked(trainer: RslRlTrainer, part: str) 
         qpos = episodes.state.qpos.at[3, 2].set(jnp.nan)
         environment.put(episodes._replace(state=episodes.state._replace(qpos=qpos)))
     else:
-        corrupt(getattr(algorithm, part))
+        with torch.no_grad():
+            next(getattr(algorithm, part).mlp.parameters())[0, 0] = torch.nan
     (name,) = trainer.broken()
     assert part in name
 
@@ -265,10 +229,9 @@ def test_a_bad_checkpoint_is_named(trainer: RslRlTrainer, run: Path, tmp_path: P
     assert not (tmp_path / "made").exists()
 
 
-# Fine-tuning
-
-
-def test_a_training_starts_from_an_exported_policy(trainer: RslRlTrainer, run: Path) -> None:
+def test_a_training_starts_from_an_exported_policy_and_from_nothing_else(
+    trainer: RslRlTrainer, run: Path, tmp_path: Path
+) -> None:
     """The first actions equal the policy's, so the normaliser's scale and the layers are right."""
     from footfall.train.rsl_rl.trainer import trained_actor
 
@@ -280,9 +243,6 @@ def test_a_training_starts_from_an_exported_policy(trainer: RslRlTrainer, run: P
     trainer.start_from(run / "policy.onnx")
     np.testing.assert_allclose(trained_actor(policy).act(seen), before, atol=1e-5)
     assert policy.obs_normalizer.count == PPO.steps_per_iteration
-
-
-def test_a_file_without_a_network_is_refused(trainer: RslRlTrainer, tmp_path: Path) -> None:
     (tmp_path / "start.pt").write_bytes(b"nothing")
     with pytest.raises(UserError, match=r"start\.pt"):
         trainer.start_from(tmp_path / "start.pt")

@@ -13,7 +13,7 @@ import pytest
 from footfall.common.in_time import any_compiling
 from footfall.envs.config import RewardConfig
 from footfall.envs.workarounds.program_cache import fingerprint
-from footfall.robots.description import load_robot
+from footfall.robots.description import Robot, load_robot
 from footfall.train import api
 from footfall.train.brax import parts, prefetch
 from footfall.train.brax.devices import device_mesh
@@ -22,39 +22,39 @@ from footfall.train.brax.parts import assemble
 from footfall.train.brax.prefetch import made_from, prefetch_programs
 from footfall.train.brax.state import TrainState
 from footfall.train.config import load_preset
-from footfall.train.runs.folder import open_run
+from footfall.train.runs.folder import Run, open_run
 
 
-def test_a_run_reads_its_programs_ahead(tmp_path: Path) -> None:
-    """The settings go through the run folder's file between the two."""
-    robot = load_robot("go1")
-    folder = api.begin(api.TrainRequest(preset="gpu-quick", out=tmp_path / "run"))
-    requested, opened = (made_from(robot, c) for c in (load_preset("gpu-quick"), open_run(folder).config))
-    assert fingerprint(requested) == fingerprint(opened)
+def begun(folder: Path, preset: str = "smoke", seed: int = 7) -> Run:
+    return open_run(api.begin(api.TrainRequest(preset=preset, seed=seed, out=folder / f"{preset}-{seed}")))
 
 
-def test_environment_and_learning_settings_distinguish_programs() -> None:
-    """Other settings do not distinguish programs, such as the interval of checkpoints."""
-    go1, plain = load_robot("go1"), load_preset("smoke")
-    env = plain.env
-    others = {
-        "plain": plain,
-        "rewards": replace(plain, env=replace(env, rewards=(*env.rewards, RewardConfig("torque", -1.0)))),
-        "commands": replace(plain, env=replace(env, commands=replace(env.commands, standing_command=0.2))),
-        "physics": replace(plain, env=replace(env, substeps=env.substeps + 1)),
-        "learning": replace(plain, ppo=replace(plain.ppo, learning_rate=2 * plain.ppo.learning_rate)),
-    }
-    made = [fingerprint(made_from(go1, config)) for config in others.values()]
+def test_environment_and_learning_settings_distinguish_programs(go1: Robot, tmp_path: Path) -> None:
+    """Other settings, such as the interval of checkpoints, do not; nor does the way through a run's file."""
+    plain = load_preset("smoke")
+    env, ppo = plain.env, plain.ppo
+    others = (
+        *(
+            replace(plain, env=replace(env, **changes))
+            for changes in (
+                {}, {"rewards": (*env.rewards, RewardConfig("torque", -1.0))}, {"substeps": env.substeps + 1},
+                {"commands": replace(env.commands, standing_command=0.2)},
+            )
+        ),
+        replace(plain, ppo=replace(ppo, learning_rate=2 * ppo.learning_rate)),
+    )  # fmt: skip
+    made = [fingerprint(made_from(go1, config)) for config in others]
     made.append(fingerprint(made_from(load_robot("hexapod"), plain)))
-    assert len(set(made)) == len(made), dict(zip([*others, "robot"], made, strict=True))
+    assert len(set(made)) == len(made), made
     saved = replace(plain, checkpoint_interval_s=plain.checkpoint_interval_s + 1.0)
     assert fingerprint(made_from(go1, saved)) == made[0]
+    configs = (load_preset("gpu-quick"), begun(tmp_path, "gpu-quick").config)
+    assert len({fingerprint(made_from(go1, config)) for config in configs}) == 1
 
 
-def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kept_program_is_not_traced(tmp_path: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     """All programs are requested as they were read ahead; a resumed run has its state."""
-    run = open_run(api.begin(api.TrainRequest(preset="smoke", seed=7, out=tmp_path / "run")))
-    robot, requested, read = load_robot("go1"), [], []
+    run, requested, read = begun(tmp_path), [], []
     programs = {"first state": lambda seed: TrainState(*[int(seed)] * 7), "act": "act", "learn": "learn"}
 
     def ready(lower: object, beside: object, report: Callable[[str], None], *made: object) -> Future:
@@ -67,8 +67,8 @@ def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setattr(parts, "caches_programs", lambda _: True)
     monkeypatch.setattr(parts, "load_or_compile", ready)
     monkeypatch.setattr(prefetch, "prefetch", lambda *made: read.extend(map(fingerprint, made)))
-    prefetch_programs(robot, run.config)
-    assembled, mesh, lines = assemble(run.config, robot), device_mesh(run.config.ppo), []
+    prefetch_programs(go1, run.config)
+    assembled, mesh, lines = assemble(run.config, go1), device_mesh(run.config.ppo), []
     assert assembled.prepare(mesh, 7, lines.append) == (TrainState(*[7] * 7), Iteration("act", "learn"))
     assert requested == read
     assert lines == ["a warning"]
@@ -77,26 +77,27 @@ def test_a_kept_program_is_not_traced(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (float(state.iteration[0]), iteration, requested[3:]) == (6.0, Iteration("act", "learn"), read[:2])
 
 
-def test_ctrl_c_does_not_wait_for_the_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = open_run(api.begin(api.TrainRequest(preset="smoke", out=tmp_path / "run")))
-    assembled, compiled = assemble(run.config, load_robot("go1")), Event()
+def test_ctrl_c_does_not_wait_for_the_compiler(
+    tmp_path: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, compiled = begun(tmp_path), Event()
+    assembled = assemble(run.config, go1)
 
-    def begun(lower: object, executor: Executor, *_: object) -> Future:
+    def interrupted(lower: object, executor: Executor, *_: object) -> Future:
         executor.submit(compiled.wait, 60)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(parts, "caches_programs", lambda _: True)
-    monkeypatch.setattr(parts, "load_or_compile", begun)
+    monkeypatch.setattr(parts, "load_or_compile", interrupted)
     with pytest.raises(KeyboardInterrupt):
         assembled.prepare(device_mesh(run.config.ppo), 0, print)
     assert any_compiling()
     compiled.set()
 
 
-def test_every_seed_begins_with_the_same_program(tmp_path: Path) -> None:
+def test_every_seed_begins_with_the_same_program(tmp_path: Path, go1: Robot) -> None:
     programs = set()
     for seed in (0, 7):
-        run = open_run(api.begin(api.TrainRequest(preset="smoke", seed=seed, out=tmp_path / str(seed))))
-        first_state = assemble(run.config, load_robot("go1")).first_state
+        first_state = assemble(begun(tmp_path, seed=seed).config, go1).first_state
         programs.add(jax.jit(first_state).lower(np.uint32(seed)).as_text())
     assert len(programs) == 1

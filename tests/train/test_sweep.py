@@ -1,7 +1,4 @@
-"""Sweeps: mistakes are reported before anything runs; each trial is an ordinary run.
-
-A failed trial does not end the sweep.
-"""
+"""Sweeps: mistakes are reported before anything runs; each trial is a run of its own and may fail alone."""
 
 import csv
 import json
@@ -27,12 +24,11 @@ from shell import Shell
 
 from footfall.common.errors import UserError
 from footfall.envs.config import RewardConfig
-from footfall.robots.description import load_robot
 from footfall.train.config import load_preset
 from footfall.train.runs.folder import open_run
 from footfall.train.sweeps import sweep as sweep_module
 from footfall.train.sweeps.check import reported_metrics
-from footfall.train.sweeps.config import SweepConfig, trial_config
+from footfall.train.sweeps.config import SweepConfig
 from footfall.train.sweeps.results import UNFINISHED, Trial, last_value, points_of
 from footfall.train.sweeps.space import search_algorithm, search_space
 from footfall.train.sweeps.sweep import collect_results, import_tune, sweep
@@ -54,61 +50,34 @@ def written(folder: Path, **settings: object) -> Path:
     return path
 
 
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
-
-
-def test_dotted_keys_replace_settings_and_nothing_else() -> None:
-    smoke = load_preset("smoke")
-    config = trial_config("smoke", {"ppo.learning_rate": 0.5, "env.rewards.torque": -1.0}, load_robot("go1"))
-    assert config.ppo == replace(smoke.ppo, learning_rate=0.5)
-    assert config.env.weights == smoke.env.weights | {"torque": -1.0}
-    assert config.env.commands == smoke.env.commands
-
-
-def spaced(key: str, **draw: object) -> dict[str, object]:
-    return {"space": {f"ppo.{key}": draw}}
-
-
-@pytest.mark.parametrize(
-    ("settings", "named"),
-    [
-        (spaced("learning_speed", uniform=[0, 1]), "learning_speed"),
-        (spaced("layers.first", uniform=[0, 1]), "ppo.layers.first"),
-        (spaced("clip_param", gaussian=[0, 1]), "space.ppo.clip_param"),
-        (spaced("clip_param", uniform=[0, 1, 2, 3]), "space.ppo.clip_param: uniform"),
-        (spaced("clip_param", uniform=["a", "b"]), "space.ppo.clip_param: uniform"),
-        (spaced("clip_param", grid_search=[]), "space.ppo.clip_param: grid_search"),
-        (spaced("num_steps_per_env", uniform=[1, 9]), "num_steps_per_env"),
-        (spaced("num_steps_per_env", randint=[5, 5]), "space.ppo.num_steps_per_env: randint"),
-        (spaced("num_steps_per_env", grid_search=[8, 0.5]), "num_steps_per_env: 0.5"),
-        (spaced("gamma", uniform=[1.5, 1.7]), "gamma must be from 0 to 1"),
-        ({"scheduler": {"name": "lottery"}}, "scheduler"),
-        ({"scheduler": {"name": "async_hyperband", "time_attr": "environment_step"}}, "environment_steps"),
-        ({"preset": "unheard-of"}, "unheard-of"),
-        ({"mode": "best"}, "mode"),
-        ({"seeds": []}, "seeds"),
-        ({"trials": 0}, "trials"),
-        ({"robot": "gp1"}, "gp1"),
-        ({"metric": "tracking/linear_eror_m_s"}, "tracking/linear_eror_m_s"),
-    ],
-    ids=lambda value: str(value)[:40],
-)
-def test_a_mistake_is_named_before_anything_runs(
-    settings: dict[str, object], named: str, tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mistake_is_named_first(tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep_module, "reported_metrics", lambda *_: [METRIC])
-    out = tmp_path / "out"
-    assert named in shell.refuses("sweep", written(tmp_path, **settings), "--out", out)
-    assert not out.exists()
+    spaces = (
+        ("learning_speed", {"uniform": [0, 1]}, "learning_speed"),
+        ("layers.first", {"uniform": [0, 1]}, "ppo.layers.first"),
+        ("clip_param", {"gaussian": [0, 1]}, "space.ppo.clip_param"),
+        ("clip_param", {"uniform": [0, 1, 2, 3]}, "space.ppo.clip_param: uniform"),
+        ("clip_param", {"uniform": ["a", "b"]}, "space.ppo.clip_param: uniform"),
+        ("clip_param", {"grid_search": []}, "space.ppo.clip_param: grid_search"),
+        ("num_steps_per_env", {"uniform": [1, 9]}, "num_steps_per_env"),
+        ("num_steps_per_env", {"randint": [5, 5]}, "space.ppo.num_steps_per_env: randint"),
+        ("num_steps_per_env", {"grid_search": [8, 0.5]}, "num_steps_per_env: 0.5"),
+        ("gamma", {"uniform": [1.5, 1.7]}, "gamma must be from 0 to 1"),
+    )
+    no_such_time = {"name": "async_hyperband", "time_attr": "environment_step"}
+    for key, value, named in (
+        *(("space", {f"ppo.{name}": draw}, named) for name, draw, named in spaces),
+        ("scheduler", {"name": "lottery"}, "scheduler"), ("scheduler", no_such_time, "environment_steps"),
+        ("preset", "unheard-of", "unheard-of"), ("mode", "best", "mode"), ("seeds", [], "seeds"),
+        ("trials", 0, "trials"), ("robot", "gp1", "gp1"),
+        ("metric", "tracking/linear_eror_m_s", "tracking/linear_eror_m_s"),
+    ):  # fmt: skip
+        assert named in shell.refuses("sweep", written(tmp_path, **{key: value}), "--out", tmp_path / "out")
+        assert not (tmp_path / "out").exists()
 
 
 def test_a_trials_program_is_built_before_anything_runs(six_iterations: str) -> None:
-    """The program is built in a separate process.
-
-    The process returns the names of the metrics, and refuses an unknown reward.
-    """
+    """A separate process builds it, returns the names of the metrics, and refuses an unknown reward."""
     config = load_preset(six_iterations)
     assert METRIC in (reported_metrics("go1", config, "brax") or [])
     env = replace(config.env, rewards=(RewardConfig("action_rte", weight=1.0),))
@@ -125,8 +94,6 @@ def test_a_missing_file_is_named(tmp_path: Path, shell: Shell, monkeypatch: pyte
 
 @contextmanager
 def interrupted_once(begun: Callable[[], bool]) -> Iterator[None]:
-    """A Ctrl-C soon after the start."""
-
     def watch() -> None:
         while not begun():
             if over.wait(0.05):
@@ -161,22 +128,25 @@ def test_draws_are_reproducible_and_the_same_for_each_seed() -> None:
     rates = {seed: [s["ppo.learning_rate"] for s in settings if s["seed"] == seed] for seed in (3, 4)}
     assert rates[3] == rates[4]
     assert len(set(rates[3])) == 5
+    grids = {"a": {"grid_search": [1, 2, 3]}, "b": {"uniform": [0, 1]}, "c": {"grid_search": [1, 2]}}
+    assert SweepConfig(grids, seeds=(1, 2), trials=5).trainings == 60
+    assert SweepConfig({}).trainings == 1
 
 
 def test_a_trial_is_an_ordinary_run_that_reports_each_iteration(six_iterations: str, tmp_path: Path) -> None:
-    """Nothing that is swept here is part of its program, which others have compiled."""
-    config = SweepConfig({}, preset=six_iterations)
+    """The setting is no part of the trial's program, which others have compiled."""
+    config, folder = SweepConfig({}, preset=six_iterations), tmp_path / "trial"
+    settings = {"diverged_limit": 0.5}
     reports: list[dict[str, float]] = []
-    folder = tmp_path / "trial"
-    train_trial(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
+    train_trial(config, folder, {"seed": 5} | settings, reports.append)
     run = open_run(folder)
     assert run.policy.is_file()
-    assert run.config == trial_config(six_iterations, {"diverged_limit": 0.5}, load_robot("go1"))
+    assert run.config == replace(load_preset(six_iterations), **settings)
     assert (run.provenance.seed, run.provenance.trainer) == (5, "brax")
     assert [report["environment_steps"] for report in reports] == [256 * k for k in range(1, ITERATIONS + 1)]
     assert all({METRIC, "episode/length_s", "speed/steps_per_s"} <= set(report) for report in reports)
     # When resumed, the trial finds its finished run.
-    train_trial(config, folder, {"seed": 5, "diverged_limit": 0.5}, reports.append)
+    train_trial(config, folder, {"seed": 5} | settings, reports.append)
     assert len(reports) == ITERATIONS
 
 
@@ -203,28 +173,22 @@ def quick_trials(tune: Any, config: SweepConfig, out: Path) -> Any:
     return tune.with_resources(trial, {"cpu": 0.1})
 
 
+@pytest.mark.usefixtures("hangups_end_the_process")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_other_signals_end_a_sweep_as_ctrl_c_does(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     """Ray replaces the handler of SIGTERM by one that aborts the process."""
-
-    def start(**_: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
     def run_until_signal() -> None:
         with sweep_module._ray(SweepConfig({})):
             os.kill(os.getpid(), number)
             time.sleep(1.0)
 
-    monkeypatch.setattr("ray.init", start)
+    monkeypatch.setattr("ray.init", lambda **_: signal.signal(signal.SIGTERM, signal.SIG_DFL))
     monkeypatch.setattr("ray.shutdown", lambda: None)
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests themselves may run under nohup
-    try:
-        handlers = [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
-        with pytest.raises(KeyboardInterrupt):
-            run_until_signal()
-        assert [signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == handlers
-    finally:
-        signal.signal(signal.SIGHUP, before)
+    handlers = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    with pytest.raises(KeyboardInterrupt):
+        run_until_signal()
+    assert {each: signal.getsignal(each) for each in handlers} == handlers
 
 
 @long_test
@@ -256,19 +220,17 @@ def test_an_interrupted_sweep_resumes(tmp_path: Path, shell: Shell, monkeypatch:
     assert set(equal) == {("2", str(GOOD_CLIP)), ("2", str(BAD_CLIP))}
     assert float(results[0][METRIC]) == pytest.approx(1.1)
     good, bad = rows(out / "points.csv")
-    assert (good["ppo.clip_param"], good["seeds"], good["failed"]) == (str(GOOD_CLIP), "2", "0")
+    counts = [[point[name] for name in ("ppo.clip_param", "seeds", "failed")] for point in (good, bad)]
+    assert counts == [[str(GOOD_CLIP), "2", "0"], [str(BAD_CLIP), "1", "1"]]
     assert float(good[f"mean {METRIC}"]) == pytest.approx(1.6)
     assert float(good["standard deviation"]) == pytest.approx(0.5**0.5)
-    assert (bad["ppo.clip_param"], bad["seeds"], bad["failed"], bad["standard deviation"]) == (
-        str(BAD_CLIP), "1", "1", "nan",
-    )  # fmt: skip
-
-
-def trial(point: int, value: float) -> Trial:
-    return Trial("folder", 0, {"ppo.clip_param": point}, value, 1, "")
+    assert bad["standard deviation"] == "nan"
 
 
 def test_points_are_ranked_by_their_mean_not_by_their_best_seed() -> None:
+    def trial(point: int, value: float) -> Trial:
+        return Trial("folder", 0, {"ppo.clip_param": point}, value, 1, "")
+
     lucky, steady = [trial(1, 0.0), trial(1, 1.0)], [trial(2, 0.3), trial(2, 0.4)]
     first, second = points_of(lucky + steady, "min")
     assert (first.settings, first.mean) == ({"ppo.clip_param": 2}, pytest.approx(0.35))
@@ -289,31 +251,23 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_a_sweep_counts_its_trainings() -> None:
-    space = {"a": {"grid_search": [1, 2, 3]}, "b": {"uniform": [0, 1]}, "c": {"grid_search": [1, 2]}}
-    assert SweepConfig(space, seeds=(1, 2), trials=5).trainings == 60
-    assert SweepConfig({}).trainings == 1
-
-
 @pytest.mark.parametrize("mode", ["min", "max"])
 def test_results_are_ranked_and_written_and_the_rest_is_counted(tmp_path: Path, mode: str) -> None:
     clips = {"ppo.clip_param": {"grid_search": [0.1, 0.2]}}
     config = SweepConfig(clips, seeds=(0, 1), trials=2, metric="m", mode=mode)
     grid = []
     for name, clip, seed, values, done, error in (
-        ("t0", 0.1, 0, [5.0, 4.0], True, None),
-        ("t1", 0.1, 1, [2.0], True, None),
-        ("t2", 0.2, 0, [1.0], True, "a\nb"),
-        ("t3", 0.2, 1, [3.5], False, None),
-        ("t4", 0.2, 1, [], True, None),
-        ("t5", 0.2, 0, [3.6], False, None),
-    ):
+        ("t0", 0.1, 0, [5.0, 4.0], True, None), ("t1", 0.1, 1, [2.0], True, None),
+        ("t2", 0.2, 0, [1.0], True, "a\nb"), ("t3", 0.2, 1, [3.5], False, None),
+        ("t4", 0.2, 1, [], True, None), ("t5", 0.2, 0, [3.6], False, None),
+    ):  # fmt: skip
         (tmp_path / name).mkdir()
         lines = "".join(json.dumps({"step": k, "m": value}) + "\n" for k, value in enumerate(values))
         (tmp_path / name / "metrics.jsonl").write_text(lines)
-        settings = {"ppo.clip_param": clip, "seed": seed}
-        metrics = {"done": done, "environment_steps": 10 * seed + 5}
-        grid.append(SimpleNamespace(metrics=metrics, config=settings, path=f"/elsewhere/{name}", error=error))
+        trial = SimpleNamespace(path=f"/elsewhere/{name}", error=error)
+        trial.config = {"ppo.clip_param": clip, "seed": seed}
+        trial.metrics = {"done": done, "environment_steps": 10 * seed + 5}
+        grid.append(trial)
     (tmp_path / "t5" / "policy.onnx").touch()
     found = collect_results(grid, config, tmp_path)
     good = ["t1", "t5", "t0"] if mode == "min" else ["t0", "t5", "t1"]
@@ -321,8 +275,7 @@ def test_results_are_ranked_and_written_and_the_rest_is_counted(tmp_path: Path, 
     by_name = {trial.folder: trial for trial in found.trials}
     assert (by_name["t0"].value, by_name["t0"].steps, by_name["t1"].steps) == (4.5, 5, 15)
     errors = {name: trial.error for name, trial in by_name.items() if trial.error}
-    assert errors == {"t2": "b", "t3": UNFINISHED}
-    assert found.unfinished == 8 - 5
+    assert (errors, found.unfinished) == ({"t2": "b", "t3": UNFINISHED}, 8 - 5)
     (first, *_), points = rows(tmp_path / "results.csv"), rows(tmp_path / "points.csv")
     assert first["folder"] == good[0]
     assert [point["ppo.clip_param"] for point in points] == ["0.1", "0.2"]

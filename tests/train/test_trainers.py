@@ -1,10 +1,13 @@
-"""Trainers by name: those of footfall, and a user's own by MODULE:NAME."""
+"""Trainers by name: those of footfall, one of which may be missing, and a user's own by MODULE:NAME."""
 
 import ast
+import sys
 from pathlib import Path
 
 import pytest
+from import_in_process import import_in_process
 from refused import refusal_of
+from shell import Shell
 
 import footfall.train
 from footfall.common.config import dump
@@ -64,10 +67,24 @@ def test_modules_for_every_trainer_import_no_trainer() -> None:
         if path.relative_to(folder).parts[0] in TRAINERS:
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = []
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                names = [f"{node.module}.{alias.name}" for alias in node.names]
-            for name in names:
-                assert not any(name == lib or name.startswith(f"{lib}.") for lib in LIBRARIES), (path, name)
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                module = f"{node.module}." if isinstance(node, ast.ImportFrom) else ""
+                for name in (f"{module}{alias.name}." for alias in node.names):
+                    assert not name.startswith(tuple(f"{lib}." for lib in LIBRARIES)), (path, name)
+
+
+def test_training_with_brax_needs_no_torch() -> None:
+    import_in_process(["footfall.train.api"], blocked=("torch", "rsl_rl", "tensordict"))
+
+
+@pytest.mark.parametrize("missing", ["torch", "rsl_rl"])
+def test_a_missing_extra_is_reported_in_one_line(
+    tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    loaded = [name for name in sys.modules if name.startswith((f"{missing}.", "footfall.train.rsl_rl"))]
+    for name in loaded:  # by other tests of this process
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, missing, None)
+    command = ("train", "--preset", "smoke", "--trainer", "rsl_rl", "--out", tmp_path / "run")
+    assert "[rsl-rl]'" in shell.refuses(*command)
+    assert not (tmp_path / "run").exists()

@@ -2,8 +2,8 @@
 
 Reason: `brax/__init__.py` imports brax's own physics, and with it MJX, trimesh and SciPy: a third of the time
 that all imports take. Only `brax.training` is used here. The package's `__init__` runs on first access to one
-of its names. Remove this module once brax imports its simulator lazily: tests/train/test_lean_brax.py then
-fails.
+of its names. Remove this module once brax imports its simulator lazily; tests/envs/test_workarounds.py
+fails for a release that was not tried.
 """
 
 import sys

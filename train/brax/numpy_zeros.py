@@ -2,7 +2,8 @@
 
 Reason: building a network, brax makes arrays of zeros with jax.numpy, of which only the shapes matter. JAX
 compiles a program for each shape, before a training can start. Upstream: no report of it was found. Remove
-this module when tests/train/test_numpy_zeros.py fails because brax makes no such arrays any more.
+this module when brax makes no such arrays any more; tests/envs/test_workarounds.py fails for a release that
+was not tried.
 """
 
 from collections.abc import Iterator
