@@ -66,24 +66,17 @@ def test_a_sampled_robots_motors_differ_by_joint() -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("name", "limit"),
-    [
-        ("action_delay_s", 0.05),
-        ("action_swing_s", 0.05),
-        ("observation_delay_s", 0.025),
-        ("observation_jitter_s", 0.025),
-    ],
-)
-def test_delays_must_fit_the_buffers(name: str, limit: float) -> None:
+def test_delays_must_fit_the_buffers() -> None:
     """The buffers keep three goals and the readings of two control steps of 25 ms."""
-    within, beyond = (
-        replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, limit + more)}))
-        for more in (0.0, 0.001)
-    )
-    LocomotionEnv(ROBOT, within)
-    with pytest.raises(UserError, match=f"{name}: .*{limit}"):
-        LocomotionEnv(ROBOT, beyond)
+    goals, readings = ("action_delay_s", "action_swing_s"), ("observation_delay_s", "observation_jitter_s")
+    for name, limit in (*((name, 0.05) for name in goals), *((name, 0.025) for name in readings)):
+        within, beyond = (
+            replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, limit + more)}))
+            for more in (0.0, 0.001)
+        )
+        LocomotionEnv(ROBOT, within)
+        with pytest.raises(UserError, match=f"{name}: .*{limit}"):
+            LocomotionEnv(ROBOT, beyond)
 
 
 def test_the_joint_law_of_a_physics_step_reads_the_motors_own_encoders() -> None:
@@ -102,36 +95,34 @@ def test_the_joint_law_of_a_physics_step_reads_the_motors_own_encoders() -> None
     np.testing.assert_allclose(effort.inertia, -0.5 * 0.004 * (faster - slower) / 2e-6, rtol=1e-5)
 
 
-class TestLateness:
-    """Lost frames, jitter and swings of the delay."""
+def walked(**drawn: float) -> tuple[State, np.ndarray]:
+    """The last state of 16 robots, and the observations (steps, robots, 2n), under fixed actions."""
+    terms = (ObservationConfig("joint_position"), ObservationConfig("joint_velocity", 0.05))
+    ranges = Randomisation(**{name: Distribution(value, value) for name, value in drawn.items()})
+    env = LocomotionEnv(ROBOT, replace(IN_C, observation=terms, randomisation=ranges))
+    state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(4), 16))
+    step, seen = jax.jit(jax.vmap(env.step)), []
+    for k in range(6):
+        state, result = step(state, 0.5 * jnp.sin(k + jnp.arange(12.0)) * jnp.ones((16, 1)))
+        seen.append(np.asarray(result.observation["state"]))
+    return state, np.array(seen)
 
-    def walked(self, **drawn: float) -> tuple[State, np.ndarray]:
-        """The last state of 16 robots, and the observations (steps, robots, 2n), under fixed actions."""
-        terms = (ObservationConfig("joint_position"), ObservationConfig("joint_velocity", 0.05))
-        ranges = Randomisation(**{name: Distribution(value, value) for name, value in drawn.items()})
-        env = LocomotionEnv(ROBOT, replace(IN_C, observation=terms, randomisation=ranges))
-        state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(4), 16))
-        step, seen = jax.jit(jax.vmap(env.step)), []
-        for k in range(6):
-            state, result = step(state, 0.5 * jnp.sin(k + jnp.arange(12.0)) * jnp.ones((16, 1)))
-            seen.append(np.asarray(result.observation["state"]))
-        return state, np.array(seen)
 
-    def test_late_and_lost_frames_change_what_they_carry_and_no_other_draw(self) -> None:
-        """In 0.4 of the steps, both position and velocity of a motor stay the same."""
-        before, seen = self.walked()
-        lossy, fewer = self.walked(lost_replies=0.4)
-        late, _ = self.walked(action_jitter_s=0.01, lost_commands=0.2, action_swing_s=0.005)
-        for name in ("command", "key", "goals"):
-            np.testing.assert_array_equal(getattr(before, name), getattr(lossy, name))
-            np.testing.assert_array_equal(getattr(before, name), getattr(late, name))
-        np.testing.assert_array_equal(before.qpos, lossy.qpos)
-        changed = ~np.isclose(seen, fewer, atol=1e-6)
-        assert changed[..., :12].mean() == pytest.approx(0.4, abs=0.06)
-        assert (changed[..., :12] == changed[..., 12:]).mean() > 0.98
-        assert float(jnp.abs(late.qpos - before.qpos).max()) > 1e-3
-        assert (before.lateness_s, late.lateness_s.shape) == (None, (16, 3, 12))
-        assert 0.0 < float(late.lateness_s[:, 0].mean()) < 0.02
+def test_late_and_lost_frames_change_what_they_carry_and_no_other_draw() -> None:
+    """In 0.4 of the steps, both position and velocity of a motor stay the same."""
+    before, seen = walked()
+    lossy, fewer = walked(lost_replies=0.4)
+    late, _ = walked(action_jitter_s=0.01, lost_commands=0.2, action_swing_s=0.005)
+    for name in ("command", "key", "goals"):
+        np.testing.assert_array_equal(getattr(before, name), getattr(lossy, name))
+        np.testing.assert_array_equal(getattr(before, name), getattr(late, name))
+    np.testing.assert_array_equal(before.qpos, lossy.qpos)
+    changed = ~np.isclose(seen, fewer, atol=1e-6)
+    assert changed[..., :12].mean() == pytest.approx(0.4, abs=0.06)
+    assert (changed[..., :12] == changed[..., 12:]).mean() > 0.98
+    assert float(jnp.abs(late.qpos - before.qpos).max()) > 1e-3
+    assert (before.lateness_s, late.lateness_s.shape) == (None, (16, 3, 12))
+    assert 0.0 < float(late.lateness_s[:, 0].mean()) < 0.02
 
 
 class TestSupply:

@@ -56,19 +56,16 @@ class TestPush:
         made = Disturbances(Task(config, SCENE), config, SCENE)
         return made.step(state, jnp.linspace(0.05, 0.95, made.step_numbers))
 
-    @pytest.mark.parametrize(
-        ("u", "expected"),
-        [
+    def test_pushes_are_as_drawn(self, begun: State) -> None:
+        still = begun._replace(qvel=jnp.zeros(18))
+        for u, expected in (
             ([0.0, 1.0, 0.5, 0.5, 0.5, 0.5], [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
             ([0.25, 0.5, 0.5, 0.5, 0.5, 0.5], [0.0, 0.5, 0.0, 0.0, 0.0, 0.0]),
             ([0.5, 1.0, 1.0, 0.5, 0.5, 0.5], [-1.0, 0.0, 0.4, 0.0, 0.0, 0.0]),
             ([0.0, 0.0, 0.0, 1.0, 0.0, 0.75], [0.0, 0.0, -0.4, 0.8, -0.8, 0.4]),
-        ],
-    )
-    def test_pushes_are_as_drawn(self, begun: State, u: list[float], expected: list[float]) -> None:
-        still = begun._replace(qvel=jnp.zeros(18))
-        pushed = push.change(still, Occasion(SCENE, True, jnp.array(u), 1.0), **STRONG)
-        np.testing.assert_allclose(pushed.qvel[:6], expected, atol=1e-6)
+        ):
+            pushed = push.change(still, Occasion(SCENE, True, jnp.array(u), 1.0), **STRONG)
+            np.testing.assert_allclose(pushed.qvel[:6], expected, atol=1e-6)
 
     def test_the_curriculum_scales_commands_and_pushes(self, begun: State) -> None:
         curricula = tuple(

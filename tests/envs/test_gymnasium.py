@@ -79,15 +79,6 @@ class TestOne:
 
 
 class TestMany:
-    def test_shapes_are_those_of_the_spaces(self, many: GymnasiumVectorEnv) -> None:
-        observations, info = many.reset(seed=3)
-        assert many.observation_space.contains(observations)
-        assert info["command"].shape == (MANY, 3)
-        observations, rewards, terminated, truncated, _ = many.step(many.action_space.sample() * 0.05)
-        assert many.observation_space.contains(observations)
-        assert rewards.shape == terminated.shape == truncated.shape == (MANY,)
-        assert terminated.dtype == truncated.dtype == np.bool_
-
     def test_the_same_seed_gives_the_same_steps(self, many: GymnasiumVectorEnv) -> None:
         def rollout() -> list[object]:
             many.action_space.seed(5)
@@ -118,14 +109,19 @@ class TestMany:
 
     def test_an_ended_episode_is_reset_in_the_same_step(self, many: GymnasiumVectorEnv) -> None:
         assert many.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
-        many.reset(seed=6)
+        observations, info = many.reset(seed=6)
+        assert many.observation_space.contains(observations)
+        assert info["command"].shape == (MANY, 3)
         for actions in np.random.default_rng(0).uniform(-5, 5, (200, MANY, 12)):
-            observations, _, terminated, truncated, info = many.step(actions)
+            observations, rewards, terminated, truncated, info = many.step(actions)
             ended = terminated | truncated
             assert ("final_obs" in info) == ended.any()
             if ended.any():
                 break
         assert 0 < ended.sum() < MANY
+        assert many.observation_space.contains(observations)
+        assert rewards.shape == terminated.shape == truncated.shape == (MANY,)
+        assert terminated.dtype == truncated.dtype == np.bool_
         assert np.array_equal(info["_final_obs"], ended)
         for last, observation, end in zip(info["final_obs"], observations, ended, strict=True):
             assert last is None if not end else (last != observation).any()

@@ -71,16 +71,16 @@ def worst(one: jax.Array, two: jax.Array) -> float:
 @IN_C
 def test_a_control_step_in_c_equals_mjx(begun: State, step) -> None:
     """For states of a walk with every effect of motors, within rounding: MJX has single precision."""
-    model, effects = training_model(ROBOT, SMOKE.timestep_s), jnp.ones((ROBOTS, 12))
+    model, each_motor = training_model(ROBOT, SMOKE.timestep_s), jnp.ones((ROBOTS, 12))
     model.opt.iterations, model.opt.ls_iterations = 20, 50
     mjx, c = (jax.jit(jax.vmap(physics(model, ROBOT))) for physics in (mjx_physics, c_physics))
     state, contacts = begun, set()
     for k, action in enumerate(actions(STEPS)):
         if k % COMPARED_EVERY == 0:
             motion, drive, fields = arguments(state)
-            motor = drive.motor._replace(**{name: value * effects for name, value in EFFECTS.items()})
+            motor = drive.motor._replace(**{name: value * each_motor for name, value in EFFECTS.items()})
             drive = drive._replace(motor=motor, lag=lag_over(motor.lag_s, SMOKE.timestep_s))
-            given = (motion._replace(lagged_torque=2.0 * effects), drive, fields)
+            given = (motion._replace(lagged_torque=2.0 * each_motor), drive, fields)
             (mjx_end, mjx_trace), (c_end, c_trace) = mjx(*given), c(*given)
             for name, limit in (("lagged_torque", 2e-2), ("qpos", 1e-4), ("qvel", 5e-3)):
                 assert worst(getattr(mjx_end, name), getattr(c_end, name)) < limit

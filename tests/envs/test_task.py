@@ -102,10 +102,6 @@ def own_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
     sys.modules.pop("own_terms", None)
 
 
-def refusal(**changes: object) -> str:
-    return refusal_of(make_environment, ROBOT, replace(IN_C, **changes))
-
-
 def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
     """The state restarts with the episode, differs between robots, and is kept in compiled programs."""
     entry = RewardConfig("own_terms:AirTime", 2.0, settings={"least_s": 0.05})
@@ -207,7 +203,7 @@ def test_a_refused_term_is_named_by_its_entry() -> None:
         ({"task": "own_terms:broken"}, "env.task: own_terms:broken"),
     ]
     for changes, words in cases:
-        assert words in refusal(**changes), changes
+        assert words in refusal_of(make_environment, ROBOT, replace(IN_C, **changes)), changes
 
 
 def test_names_distinguish_two_entries_of_one_term() -> None:

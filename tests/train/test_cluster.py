@@ -89,15 +89,8 @@ def test_a_failure_in_one_process_is_reported_in_each(monkeypatch: pytest.Monkey
 
 def test_each_device_learns_from_its_share_and_both_end_with_the_same_parameters() -> None:
     """Equal shares train as one device does; statistics of each device reach both."""
-    environment = os.environ | TWO
-    done = subprocess.run(
-        [sys.executable, str(SCRIPT)],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    command, pipes = [sys.executable, str(SCRIPT)], {"capture_output": True, "text": True}
+    done = subprocess.run(command, env=os.environ | TWO, timeout=300, check=False, **pipes)
     assert done.returncode == 0, done.stderr[-2000:]
     results = json.loads(done.stdout.splitlines()[-1])
     assert results["moved"] > 1e-3
@@ -107,15 +100,11 @@ def test_each_device_learns_from_its_share_and_both_end_with_the_same_parameters
     assert [results[name] for name in counts] == [0.0, 2, 16, 2]
 
 
-@pytest.mark.parametrize(
-    ("platform", "visible", "cached"), [("gpu", 1, True), ("gpu", 2, False), ("cpu", 1, False)]
-)
-def test_only_programs_of_a_single_gpu_are_cached(
-    monkeypatch: pytest.MonkeyPatch, platform: str, visible: int, cached: bool
-) -> None:
-    monkeypatch.setattr(jax, "device_count", lambda: visible)
-    mesh: Any = SimpleNamespace(size=1, devices=np.array([SimpleNamespace(platform=platform)]))
-    assert caches_programs(mesh) == cached
+def test_only_programs_of_a_single_gpu_are_cached(monkeypatch: pytest.MonkeyPatch) -> None:
+    for platform, visible, cached in (("gpu", 1, True), ("gpu", 2, False), ("cpu", 1, False)):
+        monkeypatch.setattr(jax, "device_count", lambda count=visible: count)
+        mesh: Any = SimpleNamespace(size=1, devices=np.array([SimpleNamespace(platform=platform)]))
+        assert caches_programs(mesh) == cached
 
 
 def test_environments_that_do_not_divide_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,18 +5,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import number_environment
 import numpy as np
 import pytest
 from brax.training.acme import running_statistics
-from number_environment import (
-    COUNTING,
-    COUNTING_NETWORKS,
-    REWARD,
-    SIZES,
-    CountingEnvironment,
-    NumberEnvironment,
-    with_scaled_actor,
-)
+from number_environment import COUNTING, COUNTING_NETWORKS, SIZES, CountingEnvironment, NumberEnvironment
 from ppo_on_numbers import CONFIG, ENVIRONMENTS, NETWORKS, NOT_MOVED, UNROLL, environment, first_state
 
 from footfall.train.brax import iteration, ppo, rollout
@@ -30,12 +23,12 @@ pytestmark = pytest.mark.usefixtures("number_steps")
 
 def test_an_iteration_follows_observations_episodes_and_steps() -> None:
     env = environment(shown=5.0, fallen=2, out_of_time=1)
-    begun_late = with_scaled_actor(first_state(env))._replace(iteration=jnp.int32(3))
+    begun_late = number_environment.with_scaled_actor(first_state(env))._replace(iteration=jnp.int32(3))
     state, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(begun_late)
     np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
     assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * UNROLL
     assert float(metrics["episode/length_s"]) == pytest.approx(10 * 0.02)  # of ended episodes
-    assert float(metrics["reward/total"]) == pytest.approx(REWARD / 0.02)  # per second
+    assert float(metrics["reward/total"]) == pytest.approx(number_environment.REWARD / 0.02)  # per second
     assert float(metrics["level"]) == 3 * ENVIRONMENTS * UNROLL
     # The normaliser moves after learning, or the actor would seem to have changed.
     assert float(metrics["learning/kl_mean"]) == pytest.approx(0.0, abs=NOT_MOVED)

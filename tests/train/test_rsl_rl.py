@@ -96,9 +96,7 @@ def environment(trainer: RslRlTrainer) -> Iterator[TorchEnvironment]:
 
 
 def newest(folder: Path) -> Path:
-    path = checkpoint.latest(folder / "checkpoints")
-    assert path is not None
-    return path
+    return checkpoint.latest(folder / "checkpoints")
 
 
 def some_actions() -> torch.Tensor:
