@@ -28,8 +28,7 @@ QUIET = Noise(joint_position=0.0, joint_velocity=0.0, gyro=0.0, gravity=0.0)
 
 
 def run(steps: list[Any], duration_s: float = 20.0) -> EpisodeOutcome:
-    scenario = Scenario("", 1, duration_s, mission={"steps": steps})
-    (plan,) = plan_episodes("errand", scenario, seed=3)
+    (plan,) = plan_episodes("errand", Scenario("", 1, duration_s, mission={"steps": steps}), seed=3)
     return run_task(EpisodeTask("go1-flat", "go1", plan, QUIET, mission_run=mission_run))
 
 

@@ -42,8 +42,7 @@ def test_the_page_is_dark_on_request_and_not_too_wide(page: Tab) -> None:
     on_screens = [(width, "screen", colours) for width in (420, 1400) for colours in ("light", "dark")]
     for width, media, colours in (*on_screens, (760, "print", "dark")):
         shown(page, width, media, colours)
-        widths = page.value("[innerWidth, document.documentElement.scrollWidth]")
-        assert widths == [width, width]
+        assert page.value("[innerWidth, document.documentElement.scrollWidth]") == [width, width]
         dark = media == "screen" and colours == "dark"
         for element in ("document.body", "document.querySelector('header')"):
             luminance = page.value(LUMINANCE.format(element))
@@ -54,8 +53,7 @@ def test_the_page_is_short_and_a_link_to_a_folded_part_opens_it(page: Tab) -> No
     for width, screens in ((1280, 6), (420, 9)):
         shown(page, width)
         assert page.value("document.documentElement.scrollHeight") < 900 * screens
-    closed = "document.querySelector('details.plot:not([open])').id"
-    identity = page.value(closed)
+    identity = page.value("document.querySelector('details.plot:not([open])').id")
     page.value(f"document.querySelector('nav a[href=\"#{identity}\"]').click()")
     assert page.value(f"document.getElementById('{identity}').open")
     page.value(f"document.getElementById('{identity}').open = false")

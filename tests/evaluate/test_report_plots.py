@@ -3,7 +3,7 @@
 import html
 import json
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,51 +29,41 @@ PLAN = EpisodePlan(
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """Data of a finished panel."""
-
-    axes: Axes
-
-    def lines(self, colour: str) -> list[Line2D]:
-        return [line for line in self.axes.lines if line.get_color() == colour]
-
-    def points(self, colour: str) -> list[list[float]]:
-        """x and y of the first line of this colour."""
-        return np.asarray(self.lines(colour)[0].get_xydata()).T.tolist()
-
-
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Drawn]:
-    """The panels of a plot in drawing order, without SVG."""
-    panels: list[Drawn] = []
-
-    def keep(panel: Panel, *_: Any) -> Markup:
-        panels.append(Drawn(panel.axes))
-        return Markup(f"<panel {len(panels)}>")
-
-    monkeypatch.setattr(Panel, "svg", keep)
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Axes]:
+    """The axes of a plot's panels in drawing order; no SVG is made of them."""
+    panels: list[Axes] = []
+    monkeypatch.setattr(Panel, "svg", lambda panel, *_: panels.append(panel.axes) or Markup("<panel>"))
     return panels
+
+
+def lines(panel: Axes, colour: str) -> list[Line2D]:
+    return [line for line in panel.lines if line.get_color() == colour]
+
+
+def points(panel: Axes, colour: str) -> list[list[float]]:
+    """x and y of the first line of this colour."""
+    return np.asarray(lines(panel, colour)[0].get_xydata()).T.tolist()
 
 
 def row(falls: int, episodes: int, interval: tuple[float, float], **more: float | None) -> dict[str, Any]:
     return {"falls": falls, "episodes": episodes, "fall_rate_interval": list(interval), **more}
 
 
-def test_the_share_without_a_fall_is_drawn_for_each_push(drawn: list[Drawn]) -> None:
+def test_the_share_without_a_fall_is_drawn_for_each_push(drawn: list[Axes]) -> None:
     rows = [row(1, 8, (0.05, 0.4), push_m_s=1.0), row(6, 8, (0.5, 0.9), push_m_s=2.5)]
     half = {"dv50": 1.8, "dv50_interval": [1.5, None], "dv50_width": 0.25, "strongest_push": 3.0}
     summary = {"rows": rows, "falls": 7, "episodes": 16, **half}
     scenario_plots.survival({"none": {"episodes": 0}, "a": summary})
     (panel,) = drawn  # of the second policy
-    (bar,) = panel.axes.containers
+    (bar,) = panel.containers
     measured, _, (edges,) = bar
     assert measured.get_xydata().tolist() == [[1.0, 0.875], [2.5, 0.25]]
     shares = [segment[:, 1] for segment in edges.get_segments()]
     np.testing.assert_allclose(shares, [[0.6, 0.95], [0.1, 0.5]])
 
 
-def test_each_condition_has_its_error_and_its_falls(drawn: list[Drawn]) -> None:
+def test_each_condition_has_its_error_and_its_falls(drawn: list[Axes]) -> None:
     def rows(level: str, *errors: float | None) -> dict[str, Any]:
         levels = [{level: 0.2 * (k + 1), "lin_vel_rmse": error} for k, error in enumerate(errors)]
         return {"rows": [row(k, 8, (0, 1), **each) for k, each in enumerate(levels)]}
@@ -88,12 +78,12 @@ def test_each_condition_has_its_error_and_its_falls(drawn: list[Drawn]) -> None:
     )
     assert list(plot.legend) == [0, 1]
     error, falls, _, other_falls = drawn
-    np.testing.assert_allclose(error.points(svg.colour(1)), [[0.2, 0.4, 0.6], [0.3, 0.1, np.nan]])
-    assert falls.points(svg.colour(1))[1] == [0.0, 12.5, 25.0]
-    assert other_falls.points(svg.colour(1))[1] == [0.0, 12.5]
+    np.testing.assert_allclose(points(error, svg.colour(1)), [[0.2, 0.4, 0.6], [0.3, 0.1, np.nan]])
+    assert points(falls, svg.colour(1))[1] == [0.0, 12.5, 25.0]
+    assert points(other_falls, svg.colour(1))[1] == [0.0, 12.5]
 
 
-def test_a_cell_of_a_sweep_has_the_error_of_its_command(drawn: list[Drawn]) -> None:
+def test_a_cell_of_a_sweep_has_the_error_of_its_command(drawn: list[Axes]) -> None:
     tried = (
         (1.0, -0.5, 0.1, 0), (0.25, 0.8, 0.3, 2), (0.25, -0.5, 0.9, 0),
         (-1.0, 0.8, None, 0), (-1.0, -0.5, 0.6, 0),
@@ -104,14 +94,14 @@ def test_a_cell_of_a_sweep_has_the_error_of_its_command(drawn: list[Drawn]) -> N
     ]
     scenario_plots.sweep({"none": {"episodes": 0}, "a": {"rows": rows}})
     (panel,) = drawn
-    (picture,) = panel.axes.images
+    (picture,) = panel.images
     cells: Any = np.ma.filled(np.ma.asarray(picture.get_array()), np.nan)
     np.testing.assert_array_equal(cells, [[0.6, 0.9, 0.1], [np.nan, 0.3, np.nan]])
     assert picture.origin == "lower"
     largest = np.percentile([0.1, 0.3, 0.6, 0.9], 95)
     assert (picture.norm.vmin, picture.norm.vmax) == (0.0, pytest.approx(largest))
-    assert [label.get_text() for label in panel.axes.get_xticklabels()] == ["-1", "0.25", "1"]
-    assert [label.get_text() for label in panel.axes.get_yticklabels()] == ["-0.5", "0.8"]
+    assert [label.get_text() for label in panel.get_xticklabels()] == ["-1", "0.25", "1"]
+    assert [label.get_text() for label in panel.get_yticklabels()] == ["-0.5", "0.8"]
 
 
 def wandering(seconds: float = 6.0, fell: bool = False) -> Trace:
@@ -122,21 +112,22 @@ def wandering(seconds: float = 6.0, fell: bool = False) -> Trace:
     return replace(trace, base_velocity=velocity, base_angular_velocity=turning, fell=fell)
 
 
-def test_the_command_is_a_staircase_and_each_policy_a_line(drawn: list[Drawn]) -> None:
+def test_the_command_is_a_staircase_and_each_policy_a_line(drawn: list[Axes]) -> None:
     walks = [Walk(1, "b", wandering(), 20.0), Walk(2, "c", wandering(3.0, fell=True), 20.0)]
-    plot = course_plots.tracking(walks, PLAN)
-    assert list(plot.legend) == [1, 2]
+    assert list(course_plots.tracking(walks, PLAN).legend) == [1, 2]
     for axis, panel in enumerate(drawn):
-        x, y = panel.points(svg.INK)
+        x, y = points(panel, svg.INK)
         np.testing.assert_allclose(x, np.arange(60) / 10)
         edges = (0, 19, 20, 49, 50)
         assert [y[k] for k in edges] == [PLAN.schedule(k / 10)[axis] for k in edges]
         for colour, seconds in ((svg.colour(1), 6.0), (svg.colour(2), 3.0)):
-            x, y = panel.points(colour)
+            x, y = points(panel, colour)
             assert (x[0], x[-1]) == (0.0, pytest.approx(seconds - 0.01))
             assert y[150] == pytest.approx((0.5, -0.2, 0.15)[axis], abs=2e-3)
-        pushes = [np.asarray(line.get_xdata())[0] for line in panel.lines(svg.INK)[1:]]
-        assert pushes == [1.5, 4.25]
+        assert [np.asarray(line.get_xdata())[0] for line in lines(panel, svg.INK)[1:]] == [
+            1.5,
+            4.25,
+        ]  # pushes
 
 
 class TestGait:
@@ -164,14 +155,14 @@ class TestGait:
         assert course_plots.touchdown_rate_hz(contact, 10.0) == pytest.approx(3 / 2 / 0.5)
 
 
-def test_a_learning_curve_is_over_million_steps_in_its_colour(drawn: list[Drawn], tmp_path: Path) -> None:
+def test_a_learning_curve_is_over_million_steps_in_its_colour(drawn: list[Axes], tmp_path: Path) -> None:
     first, _, third, *_ = learning_curves.CURVES
     rows = [{"step": 1_500_000 * k, first: 0.5 * k, third: -3.0 * k} for k in (1, 2, 3)]
     (tmp_path / "metrics.jsonl").write_text("\n".join(json.dumps(row) for row in rows))
     plot = learning_curves.learning_curves({"stand": "stand", "mine": str(tmp_path)})
     reward, length = drawn  # there is no error to show
-    assert reward.points(svg.colour(1)) == [[1.5, 3.0, 4.5], [0.5, 1.0, 1.5]]
-    assert length.points(svg.colour(1))[1] == [-3.0, -6.0, -9.0]
+    assert points(reward, svg.colour(1)) == [[1.5, 3.0, 4.5], [0.5, 1.0, 1.5]]
+    assert points(length, svg.colour(1))[1] == [-3.0, -6.0, -9.0]
     assert list(plot.legend) == [1]
 
 

@@ -16,16 +16,6 @@ def test_the_api_has_exactly_the_documented_names() -> None:
     assert not hasattr(footfall, "load_robots")
 
 
-def test_an_episode_in_seven_lines() -> None:
-    from footfall import Episode, load_policy, load_robot, run_episode
-
-    robot = load_robot("go1")
-    policy = load_policy("stand", robot)
-    trace = run_episode(robot, policy, Episode(lambda time_s: [0.0, 0.0, 0.0], duration_s=0.2))
-    assert not trace.fell
-    assert trace.motor_torque.shape[1] == 12
-
-
 def test_each_shipped_robot_has_its_environments() -> None:
     ids = {"g1": "G1", "go1": "Go1", "hexapod": "Hexapod"}
     assert set(ids) == set(available_robots())

@@ -150,9 +150,7 @@ FRICTION = "friction: {low: 0.6, high: 1.1}"
         (FRICTION, "gyro_bias: {low: 0, high: 57}", "gyro_bias"),
     ],
 )
-def test_presets_that_cannot_be_trained_are_refused(
-    shell: Shell, tmp_path: Path, line: str, instead: str, named: str
-) -> None:
+def test_bad_presets_are_refused(shell: Shell, tmp_path: Path, line: str, instead: str, named: str) -> None:
     shutil.copy(PRESETS / "smoke.yaml", tmp_path / "preset.yaml")
     edit(tmp_path, "preset.yaml", line, instead)
     complaint = shell.refuses("train", "--preset", tmp_path / "preset.yaml")

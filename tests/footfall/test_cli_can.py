@@ -149,9 +149,7 @@ def test_refusals_name_their_cause(shell: Shell) -> None:
     assert "FR_hip_joint" in complaint
 
 
-def test_a_motor_that_robot_yaml_does_not_know_makes_a_scan_fail(
-    shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unknown_motor_fails_a_scan(shell: Shell, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     known = set(scan.expected(wiring_of(go1)))
     for found, status in ((known, 0), (known | {scan.FoundMotor(2, 99, "MIT mode")}, 1)):
         monkeypatch.setattr(scan, "scan", lambda *_, found=found: found)

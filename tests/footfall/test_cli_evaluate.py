@@ -16,10 +16,8 @@ from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint, load_scenarios
 from footfall.operate.missions.run import mission_run
 
-WALK = (Waypoint(0.0, forward_m_s=0.5),)
-SHORT = ScenarioFile(
-    load_scenarios(load_robot("go1")).noise, {"forward": Scenario("Straight ahead", 2, 1.4, script=WALK)}
-)
+FORWARD = Scenario("Straight ahead", 2, 1.4, script=(Waypoint(0.0, forward_m_s=0.5),))
+SHORT = ScenarioFile(load_scenarios(load_robot("go1")).noise, {"forward": FORWARD})
 
 
 @pytest.fixture

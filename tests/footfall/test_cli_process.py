@@ -122,9 +122,7 @@ def figures(folder: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("closed", [True, False], ids=["terminal closed", "Ctrl-C"])
-def test_a_closed_terminal_and_ctrl_c_end_the_run_in_order(
-    walk: list[str], tmp_path: Path, closed: bool
-) -> None:
+def test_a_closed_terminal_and_ctrl_c_end_the_run(walk: list[str], tmp_path: Path, closed: bool) -> None:
     """The robot lies down and the figures are written, even if every write to the terminal fails."""
     child, terminal = pty.fork()
     if child == 0:

@@ -56,8 +56,7 @@ def test_the_same_policy_decides_the_same_and_another_differs(shell: Shell, shor
 
 
 def test_a_log_whose_policy_is_missing_needs_the_option(shell: Shell, short: tuple[str, ...]) -> None:
-    onnx = pytest.importorskip("onnx")
-    walk = write_policy(onnx, Path("walk.onnx"), ROBOTS / "go1")
+    walk = write_policy(pytest.importorskip("onnx"), Path("walk.onnx"), ROBOTS / "go1")
     assert shell("deploy", walk, *short, "--log", "run.mcap").status == 0
     walk.rename("moved.onnx")
     assert "--policy" in shell.refuses("replay", "run.mcap")

@@ -35,8 +35,7 @@ def test_training_ends_with_a_policy_and_its_evaluation(shell: Shell, run_folder
     assert list((run_folder / "checkpoints").iterdir())
     evaluation = json.loads((run_folder / "evaluation.json").read_text())
     assert evaluation["scenarios"]["gentle"]["episodes"] > 0
-    complaint = shell.refuses("train", "--preset", "smoke", "--out", run_folder)
-    assert f"--resume {run_folder}" in complaint
+    assert f"--resume {run_folder}" in shell.refuses("train", "--preset", "smoke", "--out", run_folder)
 
 
 def test_export_writes_the_same_policy_again(shell: Shell, run_folder: Path) -> None:

@@ -92,9 +92,7 @@ def run(heartbeat_s: float) -> Any:
 
 
 @pytest.mark.parametrize(("age_s", "alive"), [(0.0, True), (10.0, False)])
-def test_the_service_manager_gets_heartbeats_while_the_loop_ticks(
-    manager: socket.socket, age_s: float, alive: bool
-) -> None:
+def test_heartbeats_need_a_loop_that_ticks(manager: socket.socket, age_s: float, alive: bool) -> None:
     with notifying_service_manager(run(time.perf_counter() - age_s)):
         first, second = manager.recv(1000), manager.recv(1000)
     assert first == b"READY=1\nSTATUS=IDLE, battery 42%"

@@ -35,9 +35,7 @@ FIRST, SECOND = (f"{CPU}/cpu{k}/cpufreq/scaling_governor" for k in (0, 1))
         ("kernel", {}, "linux-image-rt"),
     ],
 )
-def test_advice_names_existing_settings(
-    tmp_path: Path, check: str, files: dict[str, str], advice: str
-) -> None:
+def test_advice_names_the_setting(tmp_path: Path, check: str, files: dict[str, str], advice: str) -> None:
     found = getattr(robot_computer, f"check_{check}")(kernel_files(tmp_path, files))
     assert found.good is not bool(advice)
     assert advice in found.advice

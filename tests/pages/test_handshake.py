@@ -15,8 +15,6 @@ from websockets.sync.client import connect
 from footfall.pages.handshake import refusal
 from footfall.pages.page import serving
 
-VISER = [f"viser-v{__version__}"]
-
 
 @pytest.fixture
 def page() -> Iterator[int]:
@@ -29,8 +27,8 @@ def page() -> Iterator[int]:
 def answer(port: int, origin: str | None) -> int:
     """HTTP status for a WebSocket client with this origin; 101 if viser accepts it and sends its content."""
     try:
-        address = f"ws://localhost:{port}"
-        with connect(address, origin=origin, subprotocols=VISER, max_size=None, proxy=None) as connection:
+        address, viser = f"ws://localhost:{port}", [f"viser-v{__version__}"]
+        with connect(address, origin=origin, subprotocols=viser, max_size=None, proxy=None) as connection:
             assert len(connection.recv(timeout=20.0)) > 0
             return 101
     except InvalidStatus as error:

@@ -63,8 +63,7 @@ def test_the_view_puts_its_feet_on_the_ground(seen: SimpleNamespace, go1: Robot)
     pose = PosedModel(go1)
     placed = pose.set_moment(seen.moment)
     assert placed.position[2] == pytest.approx(seen.truth.base_position[2], abs=0.02)
-    base = pose.data.body(go1.description.base)
-    np.testing.assert_allclose(base.xpos, placed.position)
+    np.testing.assert_allclose(pose.data.body(go1.description.base).xpos, placed.position)
 
 
 def test_joints_have_load_temperature_and_error(seen: SimpleNamespace, go1: Robot) -> None:

@@ -84,8 +84,7 @@ class TestSnapshots:
         self.write(run.parent / "out", "00000090.onnx", 100)
         dropped = self.write(run.parent / "out", "00000007.onnx", 100)
         done = self.write(run, FINISHED, 200)
-        names = [NEWEST, FINISHED, "iteration 1,200", "iteration 90", "iteration 7"]
-        assert snapshots.names() == names
+        assert snapshots.names() == [NEWEST, FINISHED, "iteration 1,200", "iteration 90", "iteration 7"]
         snapshots.chosen = "iteration 7"
         assert snapshots.poll() == Snapshot(dropped, 7)
         snapshots.chosen = FINISHED

@@ -139,9 +139,7 @@ class TestWalk:
         assert len(visitor.texts) < visitor.frames / 20  # the walk checks once a second
         assert visitor.now_s == pytest.approx(1000.0 + 0.033 * visitor.frames, abs=0.2)
 
-    def test_newer_policies_replace_the_old(
-        self, visitor: Visitor, finished: Path, go1: Robot, tmp_path: Path
-    ) -> None:
+    def test_newer_policies_walk(self, visitor: Visitor, finished: Path, go1: Robot, tmp_path: Path) -> None:
         """A policy with another contract changes nothing except the message."""
         (tmp_path / "other.onnx").write_bytes(b"no policy")
         visitor.ready += [Snapshot(POLICY, 5), Snapshot(tmp_path / "other.onnx", 6)]

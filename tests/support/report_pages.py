@@ -24,17 +24,13 @@ FILM = Film(b"film", b"poster")
 
 def summary(error: float, falls: int, episodes: int = 24, **more: Any) -> dict[str, Any]:
     return {
-        "episodes": episodes,
-        "failed_episodes": [],
-        "falls": falls,
-        "fall_rate": falls / episodes,
+        "episodes": episodes, "failed_episodes": [], "notes": [],
+        "falls": falls, "fall_rate": falls / episodes,
         "fall_rate_interval": list(wilson_interval(falls, episodes)),
-        "lin_vel_rmse": error,
-        "lin_vel_rmse_interval": [0.9 * error, 1.1 * error],
+        "lin_vel_rmse": error, "lin_vel_rmse_interval": [0.9 * error, 1.1 * error],
         "troubles": {"the base touched the ground": falls} if falls else {},
-        "notes": [],
         **more,
-    }
+    }  # fmt: skip
 
 
 def pushed(dv50: float, falls: int) -> dict[str, Any]:
