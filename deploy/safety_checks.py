@@ -38,11 +38,18 @@ def _own_silence(silence_s: float, s: Signals, c: SafetyConfig) -> str:
     return f"the loop paused for {s.time.pause_s * 1e3:.0f} ms, without a frame to the motors"
 
 
-def _silent(silence_s: float, missing: str, s: Signals, c: SafetyConfig) -> str:
-    """Fault after a silence that is too long; `missing` begins the message."""
-    if silence_s <= c.silence_timeout_s:
+def _motor_silent(s: Signals, c: SafetyConfig) -> str:
+    if s.motors.silence_s <= c.silence_timeout_s:
         return ""
-    return _own_silence(silence_s, s, c) or f"{missing} for {c.silence_timeout_s * 1e3:.0f} ms"
+    missing = f"no reply from {s.motors.silent} for {c.silence_timeout_s * 1e3:.0f} ms"
+    return _own_silence(s.motors.silence_s, s, c) or missing
+
+
+def _imu_silent(s: Signals, c: SafetyConfig) -> str:
+    if s.imu.silence_s <= c.silence_timeout_s:
+        return ""
+    missing = f"no new IMU reading ({s.imu.oldest_part}) for {c.silence_timeout_s * 1e3:.0f} ms"
+    return _own_silence(s.imu.silence_s, s, c) or missing
 
 
 def _never_started(s: Signals, c: SafetyConfig) -> str:
@@ -123,14 +130,14 @@ SIGNAL_CHECKS = (
     Check(
         "age of each motor's reading: silence",
         HELD,
-        lambda s, c: _silent(s.motors.silence_s, f"no reply from {s.motors.silent}", s, c),
+        _motor_silent,
         Mode.ESTOP,
         ("silence_timeout_s",),
     ),
     Check(
         "age of each part of the IMU's reading: silence",
         HELD,
-        lambda s, c: _silent(s.imu.silence_s, f"no new IMU reading ({s.imu.oldest_part})", s, c),
+        _imu_silent,
         Mode.ESTOP,
         ("silence_timeout_s",),
     ),

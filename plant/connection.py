@@ -17,10 +17,12 @@ class Connection:
 
     def receive(self, now_us: float) -> list[Frames]:
         """Frames that have arrived and are not lost."""
-        return [self._command_losses.pass_on(frames) for frames in self._wires.receive(Side.ROBOT, now_us)]
+        arrived = self._wires.receive(Side.ROBOT, now_us)
+        return list(map(self._command_losses.pass_on, arrived)) if self._command_losses.share else arrived
 
     def send(self, frames: Frames, now_us: float) -> None:
         """Send frames, except lost ones."""
-        frames = self._reply_losses.pass_on(frames)
+        if self._reply_losses.share:
+            frames = self._reply_losses.pass_on(frames)
         if len(frames.id):
             self._wires.send(Side.ROBOT, frames, now_us)

@@ -65,11 +65,9 @@ class Losses:
 
     def __init__(self, sample: Sample, direction: Direction, seed: int) -> None:
         lost = transport_of(sample, direction).lost
-        self._share = 0.0 if lost is None else float(lost)
+        self.share = 0.0 if lost is None else float(lost)  # of the frames
         self._random = np.random.default_rng([seed, SEEDS[direction], 1])
 
     def pass_on(self, frames: Frames) -> Frames:
         """The frames that arrive."""
-        if not self._share:
-            return frames
-        return frames.take(self._random.random(len(frames.id)) >= self._share)
+        return frames.take(self._random.random(len(frames.id)) >= self.share)

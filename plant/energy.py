@@ -22,7 +22,8 @@ class EnergyMeter:
 
     def __init__(self, robot: Robot) -> None:
         self._loss = robot.copper_loss
-        self._steps: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._joints = len(robot.joint_names)
+        self._steps: list[np.ndarray] = []  # torque, velocity before and velocity after, of each step
         self._clear()
 
     def add(self, torque: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
@@ -32,8 +33,8 @@ class EnergyMeter:
 
         Power uses the mean velocity: with the velocity before the step alone, damping would create power.
         """
-        self._steps.append((torque, before, after))
-        if len(self._steps) >= BLOCK:
+        self._steps += (torque, before, after)
+        if len(self._steps) >= 3 * BLOCK:
             self._add_up()
 
     def take(self) -> Power:
@@ -51,8 +52,8 @@ class EnergyMeter:
     def _add_up(self) -> None:
         if not self._steps:
             return
-        rows = np.array(self._steps)
-        self._count += len(self._steps)
+        rows = np.concatenate(self._steps).reshape(-1, 3, self._joints)
+        self._count += len(rows)
         self._steps.clear()
         torque = rows[:, 0]
         shaft = torque * (0.5 * (rows[:, 1] + rows[:, 2]))

@@ -166,7 +166,7 @@ class Trial:
         """Call after each joint tick."""
         walking = loop.state.mode is Mode.WALKING
         self._walked = self._walked or walking
-        if self._walked:
+        if self._walked and self._pushes:
             self._push(loop.walking_s, walking)
         if walking:
             self._sample(loop)
