@@ -61,6 +61,10 @@ class Drivetrain:
             self.winding_c = warmed(self.winding_c, mean * mean, self._winding, self._step_s)
         return mean
 
+    def friction(self, velocity: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """Friction of gearboxes that transmit a torque."""
+        return friction_torque(velocity, self._motor, torque)
+
     def behind_gearbox(
         self,
         command: JointCommand,
@@ -71,7 +75,7 @@ class Drivetrain:
         torque: np.ndarray,
     ) -> np.ndarray:
         """Torque behind gearboxes that transmit a torque; the learned part's memory advances by a step."""
-        joint_torque = torque + friction_torque(velocity, self._motor, torque)
+        joint_torque = torque + self.friction(velocity, torque)
         if self._net is None:
             return joint_torque
         command = command._replace(kp=enabled * command.kp)
