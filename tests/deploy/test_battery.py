@@ -16,7 +16,6 @@ from footfall.robots.battery import Battery
 
 PERIOD_S, LIMITS = 0.05, BatteryLimits()
 STILL = np.zeros((3, 12))
-QUICK = DeployConfig(stand_s=0.4, joint_rate_hz=250.0)
 
 
 class Pack:
@@ -45,9 +44,7 @@ class Pack:
 
 
 @pytest.mark.parametrize(("chemistry", "error"), [("lithium_ion", 0.06), ("lithium_iron_phosphate", 0.15)])
-def test_the_charge_is_right_with_wrong_resistance_and_current(
-    go1: Robot, chemistry: str, error: float
-) -> None:
+def test_the_charge_is_right_despite_wrong_figures(go1: Robot, chemistry: str, error: float) -> None:
     """A flat curve determines the charge less precisely."""
     pack = Pack(go1, 0.95, chemistry)
     pack.resistance, pack.reported_current = 1.2, 0.9
@@ -107,8 +104,8 @@ def test_a_low_battery_slows_the_robot_weakens_its_motors_and_lays_it_down(go1: 
         if loop.walking and battery.allowed < 1.0:
             result.append((battery.charge - body.battery.charge, battery.allowed, loop.status.command[0]))  # type: ignore[union-attr]
 
-    settings = {"duration_s": 10.0, "charge": 0.35, "lie_down": True, "config": QUICK}
-    episode = short_episode(command_source=lambda _: np.array([1.0, 0.0, 0.0]), **settings)
+    settings = {"config": DeployConfig(stand_s=0.4, joint_rate_hz=250.0), "charge": 0.35, "lie_down": True}
+    episode = short_episode(command_source=lambda _: np.array([1.0, 0.0, 0.0]), duration_s=10.0, **settings)
     trace = run_episode(robot, Hold(robot), episode, watch)
     error, allowed, forward = np.array(result).T
     assert np.abs(error).max() < 0.03

@@ -27,9 +27,6 @@ class OnStand(Simulation):
     def bench(self, wiring: Wiring | None = None) -> Bench:
         return Bench(wiring or self.wiring, self.bus, self.clock)
 
-    def scan(self) -> set[FoundMotor]:
-        return scan(self.bus, self.wiring, self.clock)
-
 
 @pytest.fixture(
     params=[{"hip": "DM8006", "knee": "RS03"}, {"hip": "ODrive", "first_id": 4}, {"hip": "moteus"}]
@@ -78,9 +75,7 @@ class TestBench:
         ("joints", "lost", "unset"),
         [([2], 1, ""), ([2], 9, "FR_calf_joint (can0, id 3)"), ([2, 5], 99, "FL_calf")],
     )
-    def test_a_lost_zero_is_repeated_or_named(
-        self, go1: Robot, joints: list[int], lost: int, unset: str
-    ) -> None:
+    def test_a_lost_zero_is_set_or_named(self, go1: Robot, joints: list[int], lost: int, unset: str) -> None:
         """Frames to the last of these motors are lost."""
         stand, left = OnStand(go1), [lost]
 
@@ -119,10 +114,8 @@ class TestBench:
 
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])
     @pytest.mark.parametrize("ignored", [False, True])
-    def test_a_signal_disables_the_motors_and_handlers_are_restored(
-        self, go1: Robot, number: int, ignored: bool
-    ) -> None:
-        """A shell script's `command &` starts with SIGINT ignored."""
+    def test_a_signal_disables_the_motors(self, go1: Robot, number: int, ignored: bool) -> None:
+        """Handlers are restored. A shell script's `command &` starts with SIGINT ignored."""
         stand, original = OnStand(go1), signal.getsignal(number)
         before = signal.SIG_IGN if ignored else original
         bench = stand.bench()
@@ -143,13 +136,13 @@ class TestScan:
         wiring = stand.wiring
         motors = zip(wiring.channel.tolist(), wiring.motor_id.tolist(), wiring.models, strict=True)
         addresses = {FoundMotor(bus, motor, makers.get(model, "MIT mode")) for bus, motor, model in motors}
-        assert stand.scan() == addresses == set(expected(stand.wiring))
+        assert scan(stand.bus, stand.wiring, stand.clock) == addresses == set(expected(stand.wiring))
         assert not stand.body.motors_on.any()
 
     def test_no_probe_has_an_identifier_of_an_odrive(self, go1: Robot) -> None:
         """An ODrive with id 1 uses 0x020 to 0x03f: the frame that disables MIT motor 0x36 restarts it."""
         stand = OnStand(with_motors(go1, hip="ODrive", knee="ODrive"))
-        stand.scan()
+        scan(stand.bus, stand.wiring, stand.clock)
         sent = np.concatenate([frames.id for frames in stand.sent])
         assert set(sent[sent < EXTENDED].tolist()) == set(range(0x01, 0x20))
 
@@ -158,5 +151,7 @@ class TestScan:
         stand.bench().enable()
         assert stand.body.motors_on.all()
         stand.body.faults.motors.silent[4] = True
-        assert stand.scan() == set(expected(stand.wiring)) - {FoundMotor(1, 2, "MIT mode")}
+        assert scan(stand.bus, stand.wiring, stand.clock) == set(expected(stand.wiring)) - {
+            FoundMotor(1, 2, "MIT mode")
+        }
         assert not stand.body.motors_on.any()

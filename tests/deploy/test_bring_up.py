@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from deploy_policies import Hold, stand_still
 from injected import FAULTS, Injected
 
-from footfall.common.config import load
 from footfall.deploy.bring_up import criteria
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.bring_up.criteria import Case, Criterion, Window
@@ -36,6 +34,9 @@ SAMPLE, JOINTS = np.arange(101), np.arange(12)
 def only(joint: int, path: np.ndarray) -> np.ndarray:
     """One joint of twelve moves along a path (101,), the others stay."""
     return path[:, None] * (joint == JOINTS)
+
+
+TWO_MOVE = only(2, 1.5 * TRAVEL) + only(5, 0.5 * TRAVEL)
 
 
 def moved(path: np.ndarray) -> dict[str, np.ndarray]:
@@ -76,11 +77,7 @@ def check(
         (criteria.follow, moved(only(2, -0.1 * TRAVEL)), ["joint 2 -10% power"]),
         (criteria.follow, moved(only(2, 1.5 * TRAVEL)), ["joint 2 150% ratio"]),
         (criteria.follow, moved(only(7, TRAVEL)), ["joint 2 joint 7 swapped"]),
-        (
-            criteria.follow,
-            moved(only(2, 1.5 * TRAVEL) + only(5, 0.5 * TRAVEL)),  # not swapped: both move
-            ["joint 2 150% ratio", "joint 5 0.07 rad"],
-        ),
+        (criteria.follow, moved(TWO_MOVE), ["joint 2 150% ratio", "joint 5 0.07 rad"]),  # not swapped
         # The root mean square of 20 Hz.
         (criteria.calm, {"velocity": only(4, np.sin(2 * np.pi * 20 * TIME_S))}, ["joint 4 0.7 rad/s"]),
         (criteria.calm, {"velocity": only(4, np.sin(2 * np.pi * 0.5 * TIME_S))}, []),  # a slow swing
@@ -120,9 +117,7 @@ def test_a_criterion_names_the_joint_and_the_figure(
         ([1.3, 1.3, 1.3, 0.1], ["leg RL 3 N of 125:"]),
     ],
 )
-def test_torques_that_do_not_match_the_weight_are_found(
-    go1: Robot, share: list[float], expected: list[str]
-) -> None:
+def test_torques_that_do_not_match_the_weight(go1: Robot, share: list[float], expected: list[str]) -> None:
     """Legs carry equal shares of 12.743 kg, by -J^T f, also if feet push against each other."""
     legs, pose = go1.legs, go1.default_pose
     aside = np.array([[60.0, 0.0, 0.0], [-60.0, 0.0, 0.0], [0.0, 60.0, 0.0], [0.0, -60.0, 0.0]])
@@ -134,36 +129,34 @@ def test_torques_that_do_not_match_the_weight_are_found(
 
 
 @pytest.mark.parametrize("by_rad", [0.08, -0.08])
-@pytest.mark.parametrize(("sway_axis", "begin_s"), [("roll", 0.0), ("pitch", 1.0)])
-def test_a_tilt_that_differs_from_the_joints_tilt_is_found(
-    go1: Robot, sway_axis: str, begin_s: float, by_rad: float
-) -> None:
+@pytest.mark.parametrize(("axis", "begin_s"), [("roll", 0.0), ("pitch", 1.0)])
+def test_a_tilt_that_differs_from_the_joints(go1: Robot, axis: str, begin_s: float, by_rad: float) -> None:
     """The base tilts to the right, then to the front, or the reverse. A constant error has no effect."""
-    tilt, way, pose = by_rad * BUMP, swaying(go1, by_rad, 1.0), go1.default_pose
-    travel = np.array([way(begin_s + min(t, 0.999)) for t in TIME_S])
+    tilt, sway, pose = by_rad * BUMP, swaying(go1, by_rad, 1.0), go1.default_pose
+    travel = np.array([sway(begin_s + min(t, 0.999)) for t in TIME_S])
     for by_imu, by_joints, expected in (
         (tilt, 1.0, []),
         (tilt + 0.05, 1.0, []),
         (0.32 * tilt, 0.32, []),
-        (tilt / 2, 1.0, [f"{sway_axis} 50%"]),
-        (-tilt, 1.0, [f"{sway_axis} -100%"]),
+        (tilt / 2, 1.0, [f"{axis} 50%"]),
+        (-tilt, 1.0, [f"{axis} -100%"]),
         (0.28 * tilt, 0.28, ["legs do not tilt"]),
         (0.0 * tilt, 0.0, ["legs do not tilt"]),
     ):
         zero, sine, cosine = np.zeros(101), np.sin(by_imu), np.cos(by_imu)
-        up = np.stack([zero, sine, cosine] if sway_axis == "roll" else [-sine, zero, cosine], axis=1)
+        up = np.stack([zero, sine, cosine] if axis == "roll" else [-sine, zero, cosine], axis=1)
         rows = {"target": pose + travel, "position": pose + by_joints * travel, "up": up}
-        check(go1, criteria.sway, expected, sway_axis, **rows)
+        check(go1, criteria.sway, expected, axis, **rows)
 
 
 def test_each_joint_moves_towards_the_middle_of_its_range(go1: Robot) -> None:
     """The joint covers half of its path in a quarter of the time, and the whole path in half of it."""
     lower, upper = go1.soft_limits
-    way = one_after_the_other(go1, [JOINTS], 0.1, 2.0)
+    travel_at = one_after_the_other(go1, [JOINTS], 0.1, 2.0)
     middle = np.where(go1.default_pose < 0.5 * (lower + upper), 1.0, -1.0)
     assert {-1.0, 1.0} == set(middle)
     for time_s, travel_rad in ((0.5, 0.05), (1.0, 0.1), (1.5, 0.05)):
-        np.testing.assert_allclose(way(time_s), travel_rad * middle)
+        np.testing.assert_allclose(travel_at(time_s), travel_rad * middle)
 
 
 def judge_of(robot: Robot, *windows: Window, criteria: tuple[Criterion, ...] = ()) -> _Judge:
@@ -200,12 +193,11 @@ def test_the_supervisors_faults_come_first_and_an_early_end_fails(go1: Robot) ->
     assert (verdict.step, verdict.findings, verdict.passed) == ("x", ("it fell", "it leans"), False)
 
 
-def verdict_of(robot: Robot, name: str, inject: Injection | None = None) -> Verdict:
+def verdict_of(robot: Robot, name: str, inject: Injection = lambda _: None) -> Verdict:
     """The verdict of a single step, after which the motors must be disabled."""
     step = next(step for step in STEPS if step.name == name)
     simulated = Injected(robot, Hold(robot), PlantConfig(lying=not step.hangs, hanging=step.hangs))
-    if inject is not None:
-        inject(simulated.injector)
+    inject(simulated.injector)
     setting = Setting(robot, Hold(robot), stand_still, CONFIG, LOOP, realtime=False)
     verdict = run_step(step, setting, simulated.bus)
     assert not simulated.body.motors_on.any()
@@ -249,10 +241,3 @@ def test_the_first_step_to_notice(go1: Robot, steps: list[str], inject: Injectio
     assert message in " ".join(verdict.findings)
     if steps[-1] == "joints":
         assert verdict.outcome.walked_s < 1.5 * CONFIG.move_s  # no other joint had to move
-
-
-def test_the_defaults_and_the_page_agree(tmp_path: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs/bring_up.md").read_text(encoding="utf-8")
-    path = tmp_path / "limits.yaml"
-    path.write_text(page.partition("<!-- read as: bring-up -->\n```yaml")[2].partition("```")[0])
-    assert load(path, BringUpConfig) == BringUpConfig()

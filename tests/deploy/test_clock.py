@@ -6,6 +6,7 @@ import os
 import resource
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from fake_time import FakeTime
@@ -50,9 +51,7 @@ class TestUndisturbed:
         assert (refused, self.settings()) == ([], self.RESTORED)
 
     def test_a_refused_priority_is_noted(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        def refuse(*_: object) -> None:
-            raise PermissionError(1, "Operation not permitted")
-
+        refuse = Mock(side_effect=PermissionError(1, "Operation not permitted"))
         monkeypatch.setattr(os, "sched_setscheduler", refuse)
         monkeypatch.setattr(clock_module, "may_lock_memory", lambda: False)
         monkeypatch.setattr("resource.getrlimit", lambda _: (8 * 2**20, 8 * 2**20))

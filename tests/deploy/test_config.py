@@ -9,6 +9,7 @@ from changed_robots import described
 from refused import refusal_of
 
 from footfall import Robot, UserError
+from footfall.common.config import load
 from footfall.deploy.bring_up.config import BringUpConfig, BringUpLimits
 from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.estimation.config import ContactConfig, FilterConfig, GyroConfig, OdometryConfig
@@ -109,11 +110,15 @@ def test_a_tick_is_the_nearest_whole_number_of_microseconds() -> None:
     assert [DeployConfig(joint_rate_hz=hz).tick_us for hz in (500.0, 300.0, 600.0)] == [2000, 3333, 1667]
 
 
-def test_the_defaults_and_the_page_on_safety_agree(go1: Robot, tmp_path: Path) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "safety.md").read_text()
-    path = tmp_path / "loop.yaml"
-    path.write_text(page.partition("<!-- read as: loop -->\n```yaml")[2].partition("```")[0])
-    assert replace(deploy_config(go1, path), realtime_priority=None) == DeployConfig()
+def test_the_defaults_and_the_pages_agree(go1: Robot, tmp_path: Path) -> None:
+    path = tmp_path / "page.yaml"
+    for page, block, read, defaults in (
+        ("safety", "loop", lambda: replace(deploy_config(go1, path), realtime_priority=None), DeployConfig()),
+        ("bring_up", "bring-up", lambda: load(path, BringUpConfig), BringUpConfig()),
+    ):
+        text = (Path(__file__).parents[2] / f"docs/{page}.md").read_text(encoding="utf-8")
+        path.write_text(text.partition(f"<!-- read as: {block} -->\n```yaml")[2].partition("```")[0])
+        assert read() == defaults
 
 
 def test_only_simulated_motors_can_have_a_longer_timeout(go1: Robot, tmp_path: Path) -> None:
@@ -124,9 +129,7 @@ def test_only_simulated_motors_can_have_a_longer_timeout(go1: Robot, tmp_path: P
         deploy_config(go1, path)
 
 
-def test_a_robots_limits_replace_the_defaults_and_a_file_changes_single_limits(
-    go1: Robot, tmp_path: Path
-) -> None:
+def test_a_file_changes_single_limits_of_a_robot(go1: Robot, tmp_path: Path) -> None:
     """A robot's limits are `safety` in robot.yaml."""
     path = tmp_path / "loop.yaml"
     robot = described(go1, safety={"tilt_limit_rad": 0.7, "sensors": {"sunk": 0.5}})

@@ -37,9 +37,7 @@ def after(robot: Robot, contact: ContactEstimator, sensed: Sensed, ticks: int) -
         ([0.0, 0.3, np.nan, -9.0], [1.0] * 4, False),  # contradicts the torques
     ],
 )
-def test_force_sensors_are_used_where_torques_nearly_agree(
-    share: list[float], expected: list[float], trusted: bool
-) -> None:
+def test_force_sensors_that_agree_are_used(share: list[float], expected: list[float], trusted: bool) -> None:
     sensed = SENSED._replace(foot_force=EVEN * np.array(share))
     contact = begun(ROBOT, sensed)
     np.testing.assert_allclose(after(ROBOT, contact, sensed, 1000), expected, atol=0.01)

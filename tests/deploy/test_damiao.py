@@ -30,15 +30,12 @@ def test_a_command_is_encoded_as_in_the_manual(driver: DamiaoDriver) -> None:
 
 
 def test_a_reply_is_decoded_as_in_the_manual(driver: DamiaoDriver) -> None:
-    """State 1 and id 3 share byte 0. MOSFETs have 40 degrees and the rotor 45; the hotter counts."""
+    """State 1 and id 3 share byte 0. Of MOSFETs and rotor the hotter counts. States above 1 are errors."""
     replies = driver.replies(frame(0x203, "13 ff ff 00 0f ff 28 2d"))
     assert np.arange(2)[replies.motor].tolist() == [0]
     np.testing.assert_allclose(replies.values[:, 0], [12.5, -30.0, 10.0])
     assert (replies.temperature_c.tolist(), replies.error.tolist()) == ([45], [0])
     assert driver.replies(frame(0x203, "13 ff ff 00 0f ff 2e 2d")).temperature_c.tolist() == [46]
-
-
-def test_states_from_2_on_are_errors(driver: DamiaoDriver) -> None:
     messages = {0x8: "over-voltage", 0xB: "over-temperature of its MOSFETs", 0xD: "timeout", 0xF: "15"}
     for state, message in messages.items():
         (error,) = driver.replies(frame(0x203, f"{state:x}3 80 00 80 08 00 1e 1e")).error

@@ -107,9 +107,7 @@ def test_a_wrong_or_slow_subscriber_affects_no_other(log: McapLog, tmp_path: Pat
     assert read_log(tmp_path / "run.mcap").complete
 
 
-def test_a_feed_in_use_is_refused_and_the_feed_of_an_ended_process_is_replaced(
-    go1: Robot, log: McapLog, tmp_path: Path
-) -> None:
+def test_a_feed_in_use_is_refused_and_an_ended_one_replaced(go1: Robot, log: McapLog, tmp_path: Path) -> None:
     with pytest.raises(UserError, match="feed"):
         McapLog(None, go1, Hold(go1), {}, may_wait=True, feed=tmp_path / "feed")
     with socket.socket(socket.AF_UNIX) as unused:

@@ -1,5 +1,7 @@
 """Gravity in the IMU's readings while the robot rests, before its motors get stiffness."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from frame_robot import TICK_US, Vector
@@ -17,11 +19,7 @@ def robot_at_rest(still_s: float = 0.05) -> FirstRest:
 
 
 def update(
-    rest: FirstRest,
-    tick: int,
-    gyro: Vector = STILL,
-    acceleration: Vector = GRAVITY,
-    velocity: tuple[float, float] = (0.0, 0.0),
+    rest: FirstRest, tick: int, gyro: Vector = STILL, acceleration: Vector = GRAVITY, velocity: Any = (0, 0)
 ) -> None:
     rest.update(tick * TICK_US, imu.Inertial(gyro, acceleration, (1.0, 0.0, 0.0, 0.0)), np.array(velocity))
 

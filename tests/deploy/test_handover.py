@@ -1,7 +1,8 @@
 """Policies that hand the robot over to each other while it walks."""
 
-import itertools
+from itertools import groupby
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from deploy_policies import Hold
 
 from footfall import Episode, Robot, UserError, load_policy, run_episode
 from footfall.deploy.changes import Change
-from footfall.deploy.command_source import Request, Status, Stop
+from footfall.deploy.command_source import Request
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.field_mode import FieldMode
 from footfall.deploy.handover import Handover, HandoverConfig, blended
@@ -89,32 +90,20 @@ def test_a_blend_has_the_torque_of_both_at_any_position_and_velocity() -> None:
     np.testing.assert_allclose(mean, 0.7 * torque[0] + 0.3 * torque[1])
 
 
-class Drive:
-    """Makes requests at given times, s of walking."""
-
-    stopped: Stop | None = None
-
-    def __init__(self, *requests: tuple[float, Request]) -> None:
-        self._requests = requests
-        self.statuses: list[Status] = []
-
-    def poll(self, status: Status) -> Request:
-        self.statuses.append(status)
-        return [request for at_s, request in self._requests if status.walking_s >= at_s][-1]
-
-
 def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> None:
     def policies() -> list:
         return [load_policy(name, go1) for name in ("trot", "go1-flat", "stand")]
 
     ahead = np.array([0.2, 0.0, 0.1])
-    source = Drive(
+    requests = (
         (0.0, Request(ahead)),
-        (0.1, Request(ahead, policy="mpc", gait="waltz")),  # neither exists
+        (0.1, Request(ahead, policy="mpc", gait="waltz")),  # the run has neither
         (0.2, Request(ahead, gait="walk", settings={"step_height_m": 0.03, "step_period_s": 0.55})),
         (0.4, Request(ahead, policy="go1-flat")),
         (1.0, Request(ahead, policy="trot")),
     )
+    source = Mock(spec=["poll", "stopped"], stopped=None)
+    source.poll.side_effect = lambda status: [each for at_s, each in requests if status.walking_s >= at_s][-1]
     first, *others = policies()
     log = tmp_path / "run.mcap"
     config = DeployConfig(stand_s=0.4, handover=HandoverConfig(0.2, 1.0, 0.1))
@@ -122,11 +111,11 @@ def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> N
     episode = Episode(source, 2.1, config=config, log=log, others=by_name, record=False)
     trace = run_episode(go1, first, episode)
     assert not trace.fell
-    decided = [name for name, _ in itertools.groupby(status.policy for status in source.statuses)]
-    assert decided == ["trot", "go1-flat", "trot"]
+    statuses = [call.args[0] for call in source.poll.mock_calls]
+    assert [name for name, _ in groupby(status.policy for status in statuses)] == ["trot", "go1-flat", "trot"]
     assert sum("mpc" in note or "waltz" in note for note in trace.notes) == 2
     modes = {FieldMode.CALIBRATING, FieldMode.TELEOPERATION, FieldMode.ENDING}
-    assert {status.field_mode for status in source.statuses} >= modes
+    assert {status.field_mode for status in statuses} >= modes
     first, *others = policies()
     result = replay(log, first, others=others)
     assert (result.first_difference, result.worst_difference) == ("", 0.0)

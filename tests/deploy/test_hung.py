@@ -22,9 +22,8 @@ from footfall.deploy.guard import Guard
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Session, run_session
 
-CONFIG = replace(
-    RELAXED, joint_rate_hz=100.0, stand_s=0.3, safety=replace(RELAXED.safety, late_limit_s=0.3, damping_s=0.2)
-)
+SAFETY = replace(RELAXED.safety, late_limit_s=0.3, damping_s=0.2)
+CONFIG = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.3, safety=SAFETY)
 
 
 def spin(_: JointCommand) -> JointCommand:
@@ -68,9 +67,7 @@ def test_only_a_call_in_the_main_thread_is_interrupted() -> None:
 
 @pytest.mark.parametrize("repeated", [False, True])
 @pytest.mark.parametrize("ends", [KeyboardInterrupt, SystemExit, GeneratorExit])
-def test_an_exception_that_ends_the_program_damps_and_disables(
-    go1: Robot, ends: type[BaseException], repeated: bool
-) -> None:
+def test_an_exception_that_ends_the_program(go1: Robot, ends: type[BaseException], repeated: bool) -> None:
     """It comes during a walk, once or in each tick from then on."""
     simulation = Simulation(go1)
     receive = simulation.bus.receive
@@ -95,9 +92,7 @@ def test_an_exception_that_ends_the_program_damps_and_disables(
 
 
 class TestGuard:
-    def test_a_loop_that_does_not_return_is_damped_and_its_process_ended(
-        self, capsys: pytest.CaptureFixture[str]
-    ) -> None:
+    def test_a_loop_that_does_not_return_is_damped(self, capsys: pytest.CaptureFixture[str]) -> None:
         acts: list[str] = []
         began, taken_over, codes = time.perf_counter(), threading.Event(), queue.Queue()
 
@@ -129,7 +124,7 @@ class TestGuard:
             return receive(now_us)
 
         simulation.bus.receive = block  # type: ignore[method-assign]
-        safety = replace(CONFIG.safety, pause_limit_s=1.0, damping_s=0.6)  # the guard takes over after 1.1 s
+        safety = replace(SAFETY, pause_limit_s=1.0, damping_s=0.6)  # the guard takes over after 1.1 s
         session = Session(stand_still, 9.0, config=replace(CONFIG, safety=safety))
         outcome = run_session(go1, Hold(go1), simulation.bus, session)
         assert "guard" in outcome.faults[-1]

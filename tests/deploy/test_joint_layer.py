@@ -50,13 +50,10 @@ class TestCommands:
         layer.absorb([replies(go1, position, velocity)], 0)
         sensed = layer.sensed()
         layer.begin_at(go1.default_pose)
-        requested = JointCommand(
-            go1.default_pose + RNG.uniform(-0.05, 0.05, 12),
-            RNG.uniform(-2.0, 2.0, 12),
-            RNG.uniform(20.0, 60.0, 12),
-            RNG.uniform(0.5, 2.0, 12),
-            np.where(ROWS % 2, 24.0, -1.0) * RNG.uniform(0.9, 1.04, 12),
-        )
+        target = go1.default_pose + RNG.uniform(-0.05, 0.05, 12)
+        rest = RNG.uniform([[-2.0], [20.0], [0.5]], [[2.0], [60.0], [2.0]], (3, 12))  # velocity, kp, kd
+        feed_forward = np.where(ROWS % 2, 24.0, -1.0) * RNG.uniform(0.9, 1.04, 12)
+        requested = JointCommand(target, *rest, feed_forward)
         sent = JointCommand(*open_motor_end(wiring_of(go1)).requests(layer.command(requested)).values)
         torque = pd_torque(requested, sensed.joint_position, sensed.joint_velocity)
         share = limit_torque(torque, sensed.joint_velocity, go1.motor) / torque

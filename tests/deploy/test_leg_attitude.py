@@ -22,7 +22,6 @@ def update(attitude: LegAttitude, robot: Robot, pitch: float, *loads: float) -> 
 
 
 def settled(robot: Robot, pitch: float) -> LegAttitude:
-    """The estimate once it has settled."""
     attitude = LegAttitude(robot, LIMITS)
     for _ in range(2 + round(LIMITS.resting_s / PERIOD_S)):
         update(attitude, robot, pitch)

@@ -32,9 +32,8 @@ from footfall.deploy.replay import replay
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.policies.policy import Sensed
 
-HEALTH = MotorHealth(
-    np.linspace(0.0, 0.0012, 13), np.full(12, 40.0), np.full(12, np.nan), np.zeros(12, np.uint8)
-)
+AGES_S = np.linspace(0.0, 0.0012, 13)
+HEALTH = MotorHealth(AGES_S, np.full(12, 40.0), np.full(12, np.nan), np.zeros(12, np.uint8))
 STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0, 0, 0]), *np.zeros((3, 12)))
 
 
@@ -48,7 +47,6 @@ def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
 
 @pytest.fixture(scope="module")
 def whole(logged: tuple[Path, Trace]) -> LogFile:
-    """The whole log, read once."""
     return read_log(logged[0])
 
 
@@ -103,9 +101,7 @@ class TestContent:
         log.odometry(20_000, odometry, np.arange(12.0).reshape(4, 3))
         assert log.close() == ""
         written = {topic: message for topic, _, message in decoded(path)}
-        states, command, inertial = (
-            written[f"/{it}"] for it in ("joint_states", "joint_commands", "imu/data")
-        )
+        states, command, inertial = map(written.get, ("/joint_states", "/joint_commands", "/imu/data"))
         assert [states.position, states.velocity, states.effort] == joints.tolist()
         assert [command.position, command.velocity, command.effort] == commanded[[0, 1, 4]].tolist()
         assert list(command.name) == list(go1.joint_names)
@@ -142,7 +138,6 @@ class TestContent:
         np.testing.assert_array_equal(health[6_000_000], [hot.temperature_c, hot.voltage, faulty.error])
 
     def test_metadata_names_policy_robot_seed_and_bus(self, go1: Robot, whole: LogFile) -> None:
-        """Of the orderly run."""
         expected = {"policy": "sway", "policy_spec": "runs/mine", "robot_digest": go1.digest, "seed": 7}
         expected |= {"bus": "sim", "engine": "mujoco", "plant": None, "joints": list(go1.joint_names)}
         assert whole.complete
@@ -169,10 +164,9 @@ run_episode(robot, Hold(robot), episode, lambda loop, _: os.write(1, b"%d\\n" % 
 
 def test_a_killed_run_keeps_its_log(tmp_path: Path) -> None:
     """Readings reach the file during the run. The writing process outlives the run, and writes the index."""
-    path, root = tmp_path / "killed.mcap", Path(__file__).parents[2]
-    paths = f"{root / 'tests/support'}:{root / 'benchmarks'}:{root / 'src'}"
+    path, variables = tmp_path / "killed.mcap", os.environ | {"PYTHONPATH": ":".join(sys.path)}
     command = [sys.executable, "-c", KILLED, str(path)]
-    with subprocess.Popen(command, env=os.environ | {"PYTHONPATH": paths}, stdout=subprocess.PIPE) as run:
+    with subprocess.Popen(command, env=variables, stdout=subprocess.PIPE) as run:
         assert run.stdout is not None
         try:
             while (seen_us := int(run.stdout.readline())) < 500_000:
@@ -269,24 +263,16 @@ def test_no_mutation_gives_a_traceback(
             work(hurt, *arguments)
 
 
-def old_log(folder: Path, name: str, size: int, age: int) -> Path:
-    path = folder / name
-    path.write_bytes(bytes(size))
-    os.utime(path, (1e9 - age, 1e9 - age))
-    return path
-
-
 def test_oldest_automatic_logs_make_room_and_nothing_else_does(tmp_path: Path) -> None:
-    mine = old_log(tmp_path, "walk.mcap", 5000, age=99)
+    oldest, *others = (f"go1-2026010{day}-120000-{7 * day}.mcap" for day in (1, 2, 3))
+    for age, name in enumerate([*others[::-1], oldest, "walk.mcap"]):
+        (tmp_path / name).write_bytes(bytes(5000 if name == "walk.mcap" else 400))
+        os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
     link = tmp_path / "go1-20200101-000000-1.mcap"
-    link.symlink_to(mine)
-    oldest, older, new = (
-        old_log(tmp_path, f"go1-2026010{day}-120000-{7 * day}.mcap", 400, age=9 - day) for day in (1, 2, 3)
-    )
+    link.symlink_to(tmp_path / "walk.mcap")
     path = LogStore(tmp_path, 1000).new_log("go1")
     assert path.parent == tmp_path
-    assert not path.exists()
-    assert [each.exists() for each in (mine, link, oldest, older, new)] == [True, True, False, True, True]
+    assert {each.name for each in tmp_path.iterdir()} == {*others, "walk.mcap", link.name}
     (tmp_path / "file").touch()
     with pytest.raises(UserError, match="--log FILE"):
         LogStore(tmp_path / "file" / "logs", 1000).new_log("go1")

@@ -29,18 +29,13 @@ from footfall.deploy.telemetry.topics import TOPICS
 from footfall.policies.live_settings import Applied
 from footfall.policies.policy import PolicyInput, Sensed
 
-CAN_FRAMES = "can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"  # not of ROS itself
-
-
-class Learned(Hold):
-    observed, action = np.arange(3.0), np.arange(12.0)
-
 
 @pytest.fixture(scope="module")
 def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Any]]:
     """The messages of a log with every topic, by topic. Each is encoded again, which gives its bytes."""
     path = tmp_path_factory.mktemp("log") / "run.mcap"
-    policy = Learned(go1)
+    policy = Hold(go1)
+    policy.observed, policy.action = np.arange(3.0), np.arange(12.0)  # type: ignore[attr-defined]
     log = McapLog(path, equipped(go1), policy, {}, may_wait=True)
     log.begin(1_700_000_000_000_000_000)
     still, joints = np.zeros(3), np.zeros((3, 12))
@@ -73,7 +68,7 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     log.state(1_200_000, State(Mode.ESTOP, 1.2, ("no reply",)))
     assert log.close() == ""
     store = get_typestore(Stores.ROS2_JAZZY)
-    for kind in CAN_FRAMES:
+    for kind in ("can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"):  # not of ROS itself
         store.register(get_types_from_msg(definition(kind).split("\n=")[0], kind))
     found: dict[str, list[Any]] = {}
     with AnyReader([path], default_typestore=store) as reader:
