@@ -3,6 +3,7 @@
 import itertools
 import shutil
 import socket
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,18 +15,15 @@ from footfall.train.config import PRESETS
 
 
 @pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+def shell(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Shell]:
     """The command line in an empty folder, which must stay empty."""
     folder = tmp_path / "here"
     folder.mkdir()
     monkeypatch.chdir(folder)
-    return Shell(capsys)
-
-
-@pytest.fixture(autouse=True)
-def nothing_is_left_behind(shell: Shell, tmp_path: Path):
-    yield
-    assert list((tmp_path / "here").iterdir()) == []
+    yield Shell(capsys)
+    assert list(folder.iterdir()) == []
 
 
 # A command line, and words that the message must name.

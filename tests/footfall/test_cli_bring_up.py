@@ -19,7 +19,7 @@ Run = tuple[str, Setting, str]
 
 @pytest.fixture
 def runs(monkeypatch: pytest.MonkeyPatch) -> list[Run]:
-    """Each step that was run, its setting and its bus; `stand` fails on half of the torque."""
+    """Each step that was run, its setting and its bus; `stand` fails below half of the torque."""
     given: list[Run] = []
 
     def run_step(step: Step, setting: Setting, bus: str) -> Verdict:

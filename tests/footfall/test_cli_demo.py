@@ -11,23 +11,15 @@ from shell import Shell
 from footfall.cli import app
 from footfall.verbs import demo as demo_module
 
-Steps = list[tuple[str, ...]]
 
-
-@pytest.fixture
-def steps(monkeypatch: pytest.MonkeyPatch) -> Steps:
-    """The commands that the demo would run."""
-    found: Steps = []
-    monkeypatch.setattr(demo_module, "_step", lambda *tokens, **_: found.append(tokens) or 0)
-    return found
-
-
-def test_the_demo_runs_from_training_to_a_report(steps: Steps, shell: Shell, called: Recorder) -> None:
+def test_the_demo_runs_from_training_to_a_report(shell: Shell, called: Recorder) -> None:
+    called.replace("footfall.verbs.demo._step", 0)
     called.replace("footfall.policies.registry.zoo_names", ["go1-flat"])
     called.replace("footfall.policies.registry.walking_controllers", ["trot", "mpc"])
     options = "--out d --seed 7 --episodes 3 --preset smoke --scenarios push,gentle"
     outcome = shell("demo", *options.split())
     assert outcome.status == 0, outcome.err
+    steps = [tokens for name, tokens, _ in called.calls if name == "_step"]
     shared = "--robot go1 --seed 7"
     assert [" ".join(tokens) for tokens in steps] == [
         f"train {shared} --no-evaluate --preset smoke --out d/trained",
@@ -41,9 +33,8 @@ def test_the_demo_runs_from_training_to_a_report(steps: Steps, shell: Shell, cal
     assert str(Path("d/report.html").resolve()) in outcome.out
 
 
-def test_requirements_are_checked_before_the_first_step(
-    steps: Steps, shell: Shell, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_requirements_are_checked_before_the_first_step(shell: Shell, called: Recorder) -> None:
+    called.replace("footfall.verbs.demo._step", 0)
     for option, complaint in (
         ("--scenarios gentle,ballet", "no scenario 'ballet'"),
         ("--preset huge", "no preset 'huge'"),
@@ -53,9 +44,9 @@ def test_requirements_are_checked_before_the_first_step(
     Path("file").touch()
     for not_empty in ("file", "."):
         assert "not empty" in shell.refuses("demo", "--out", not_empty)
-    monkeypatch.setattr("footfall.evaluate.report.extra.find_spec", lambda _: None)
+    called.replace("footfall.evaluate.report.extra.find_spec", None)
     assert "an HTML report needs" in shell.refuses("demo", "--out", "d")
-    assert steps == []
+    assert "_step" not in called.names
     assert not Path("d").exists()
 
 

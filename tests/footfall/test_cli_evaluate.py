@@ -20,12 +20,9 @@ FORWARD = Scenario("Straight ahead", 2, 1.4, script=(Waypoint(0.0, forward_m_s=0
 SHORT = ScenarioFile(load_scenarios(load_robot("go1")).noise, {"forward": FORWARD})
 
 
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Shell:
-    """A command line whose scenarios take a second."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(autouse=True)
+def short_scenarios(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(api, "load_scenarios", lambda *_: SHORT)
-    return Shell(capsys)
 
 
 def test_evaluate_writes_the_documented_files(shell: Shell) -> None:

@@ -18,9 +18,10 @@ PLACE = np.array([3.0, -2.0, 0.30])
 
 
 class Drawing:
-    """Stands in for viser's scene: each object that was added, by its name."""
+    """Stands in for viser's server and its scene: each object that was added, by its name."""
 
     def __init__(self) -> None:
+        self.scene = self
         self.objects: dict[str, SimpleNamespace] = {}
 
     def __getattr__(self, method: str) -> Any:
@@ -35,17 +36,7 @@ class Drawing:
         return self.objects[layer].position + self.objects[name].position
 
 
-@pytest.fixture
-def drawing() -> Drawing:
-    return Drawing()
-
-
-@pytest.fixture
-def marks(drawing: Drawing, go1: Robot) -> Marks:
-    return Marks(SimpleNamespace(scene=drawing), go1, "w")  # type: ignore[arg-type]
-
-
-def test_marks_are_where_the_robot_is(marks: Marks, drawing: Drawing, go1: Robot) -> None:
+def test_marks_are_where_the_robot_is(go1: Robot) -> None:
     """The robot is turned by 90 degrees to the left, on two feet; a swinging foot has a planned foothold."""
     still, pose = np.zeros(3), go1.default_pose
     level = Rotation.from_euler("Z", 90, degrees=True).as_quat()[[3, 0, 1, 2]]
@@ -53,7 +44,8 @@ def test_marks_are_where_the_robot_is(marks: Marks, drawing: Drawing, go1: Robot
     footholds = np.full((4, 3), np.nan)
     footholds[1] = 0.2, 0.1, -0.3
     velocity, contact = np.array([0.5, 0.0, 0.0]), np.array([1, 0, 0, 1])
-    marks.show(Moment(1.0, PLACE, level, velocity, still, sensed, contact, footholds))
+    drawing = Drawing()
+    Marks(drawing, go1, "w").show(Moment(1.0, PLACE, level, velocity, still, sensed, contact, footholds))
     shown = drawing.objects
     assert [shown[f"w/forces/contact_{k}"].visible for k in range(4)] == [True, False, False, True]
     assert [shown[f"w/feet/goal_{k}"].visible for k in range(4)] == [False, True, False, False]
@@ -70,9 +62,9 @@ def test_marks_are_where_the_robot_is(marks: Marks, drawing: Drawing, go1: Robot
     assert length[[1, 2]].max() == 0.0
 
 
-def test_a_visitor_hides_a_layer(marks: Marks, drawing: Drawing) -> None:
-    page = PageControls()
-    offer_layers(page, marks.layers)  # type: ignore[arg-type]
+def test_a_visitor_hides_a_layer(go1: Robot) -> None:
+    page, drawing = PageControls(), Drawing()
+    offer_layers(page, Marks(drawing, go1, "w").layers)  # type: ignore[arg-type]
     page["Balance"].type(False)
     layers = ("feet", "forces", "balance")
     assert [drawing.objects[f"w/{layer}"].visible for layer in layers] == [True, True, False]

@@ -18,6 +18,7 @@ from footfall.common.errors import UserError
 from footfall.pages import beside, page
 
 FREE, TAKEN, NOT_OURS, NO_IPV6 = 0, errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT
+USABLE = ((FREE,), (FREE, FREE), (NOT_OURS, FREE), (FREE, NO_IPV6), (NO_IPV6, FREE))
 ADDRESSES = [
     (socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("::1", 80, 0, 0)),
     (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 80)),
@@ -27,11 +28,7 @@ ADDRESSES = [
 @pytest.mark.parametrize(
     ("found", "reason"),
     [
-        ((FREE,), None),
-        ((FREE, FREE), None),
-        ((NOT_OURS, FREE), None),
-        ((FREE, NO_IPV6), None),
-        ((NO_IPV6, FREE), None),
+        *((found, None) for found in USABLE),
         ((TAKEN,), TAKEN),
         ((FREE, TAKEN), TAKEN),  # viser would quietly take another port for one of them
         ((TAKEN, FREE), TAKEN),
