@@ -99,10 +99,12 @@ def scans_by_udp(address: str = "") -> Iterator[UdpScans]:
     Raises:
         UserError: the address cannot be used, or the token is missing or too short to be a secret.
     """
+    default = f"127.0.0.1:{SCAN_PORT}"
     try:
-        host, port = UdpConfig(address or f"127.0.0.1:{SCAN_PORT}").socket_address
-    except ValueError as error:
-        raise UserError(f"--height-scan udp: {error}") from None
+        host, port = UdpConfig(address or default).socket_address
+    except ValueError:
+        reason = f"address is HOST:PORT, such as {default}, not '{address}'"
+        raise UserError(f"--height-scan udp: {reason}") from None
     token = os.environ.get(TOKEN, "")
     if len(token) < MIN_TOKEN_CHARS:
         raise UserError(

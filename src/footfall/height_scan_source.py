@@ -1,6 +1,6 @@
 """Source of a run's height scans."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -8,6 +8,7 @@ from footfall.common.errors import UserError
 
 if TYPE_CHECKING:
     from footfall.deploy.height_scan import HeightScanSource
+    from footfall.policies.policy import Policy
 
 AUTO, OFF, UDP, ROS2 = "auto", "off", "udp", "ros2"
 
@@ -15,6 +16,18 @@ AUTO, OFF, UDP, ROS2 = "auto", "off", "udp", "ros2"
 def arrive_in_real_time(chosen: str) -> bool:
     """Whether scans come from another program, in real time."""
     return chosen.partition(":")[0] in (UDP, ROS2)
+
+
+def check_scans_are_read(chosen: str, policies: "Sequence[Policy]") -> None:
+    """Check that a run for which scans are to arrive has a policy that reads them.
+
+    Raises:
+        UserError: none of these policies does, or two of them use different scans.
+    """
+    from footfall.policies.height_scan import common_height_scan
+
+    if arrive_in_real_time(chosen) and common_height_scan([each.contract for each in policies]) is None:
+        raise UserError(f"--height-scan {chosen}: no policy of this run reads height scans; leave it out")
 
 
 @contextmanager

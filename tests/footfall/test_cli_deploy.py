@@ -52,6 +52,17 @@ class TestOptions:
         "--command -100,99.5,100 --duration 1.25 --seed 9 --log run.mcap --json run.json --config loop.yaml"
     )
 
+    def test_scans_that_no_policy_reads_are_refused(
+        self, shell: Shell, called: Recorder, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """Otherwise a user believes that the policy sees the ground."""
+        monkeypatch.setenv("FOOTFALL_TOKEN", "a token of the tests, shared")
+        called.replace("footfall.plant.episode.run_episode", ran())
+        free_port = ("--height-scan", "udp:127.0.0.1:0")
+        assert "udp:127.0.0.1:0" in shell.refuses("deploy", "go1-flat", *free_port)
+        assert shell("deploy", "go1-flat", "--also", "go1-rough", *free_port).status == 0
+        assert shell("deploy", "go1-flat", "--height-scan", "off").status == 0
+
     def test_options_reach_the_simulation(self, shell: Shell, called: Recorder, go1: Robot) -> None:
         Path("loop.yaml").write_text("joint_rate_hz: 1000.0")
         called.replace("footfall.plant.episode.run_episode", ran())

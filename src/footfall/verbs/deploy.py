@@ -53,7 +53,7 @@ def deploy(
     check_outputs(options.json, options.log, inputs=[policy, options.source, options.config, options.plant])
     from footfall.common.config import unstructure
     from footfall.deploy_summary import show
-    from footfall.height_scan_source import height_scan_source
+    from footfall.height_scan_source import check_scans_are_read, height_scan_source
     from footfall.policies.registry import lasting_spec, load_policy, load_settings
     from footfall.policies.spec import add_settings
     from footfall.result import write_and_show
@@ -67,6 +67,8 @@ def deploy(
     policy_to_run, consent = load_policy(spec, robot), _consent(options, robot)
     others = {lasting_spec(each): load_policy(each, robot) for each in other_specs}
     others |= mission_policies(options.source, [policy_to_run, *others.values()], robot)
+    get_up = [consent.policy] if consent is not None else []
+    check_scans_are_read(options.height_scan, [policy_to_run, *others.values(), *get_up])
     run_on_bus = _simulated if options.bus == SIMULATED else _on_interface
     about = {"policy": spec, "robot": robot.name, "settings": unstructure(load_settings(spec, robot))}
     with spare_descriptors() as spare:
