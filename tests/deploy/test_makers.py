@@ -1,32 +1,34 @@
-"""Motors of every maker: requests, rounding, settings at the start, robots that stand."""
+"""Motors of every maker, and of several makers on one robot: frames, settings at the start, standing up."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, short_episode
+from deploy_policies import Hold, short_episode, stand_still
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from reports import report
 from some_motors import MAKERS, read_settings, two_motors, with_motors
+from watched_simulation import Simulation
 
-from footfall import Robot, run_episode
+from footfall import Robot, load_robot, run_episode
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import damiao, robstride
 from footfall.deploy.drivers.choice import open_driver
+from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import EXTENDED, Frames
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import Wiring, wiring_of
+from footfall.plant.frame_changes import late
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Request
 from footfall.plant.robot import SimulatedRobot
 
-MIT, DAMIAO, ROBSTRIDE, ODRIVE = (
-    two_motors(*models)
-    for models in (("AK70-10", "AK80-9"), ("DM4310", "DM8009"), ("RS00", "RS03"), ("ODrive", "ODrive"))
-)
-ALL = pytest.mark.parametrize("wiring", [MIT, DAMIAO, ROBSTRIDE, ODRIVE], ids=list(MAKERS)[:4])
-WITH_SETTINGS = pytest.mark.parametrize("wiring", [DAMIAO, ROBSTRIDE], ids=["Damiao", "RobStride"])
+MODELS = ["AK70-10 AK80-9", "DM4310 DM8009", "RS00 RS03", "ODrive ODrive", "AK80-9 RS03", "ODrive DM4310"]
+MIT, DAMIAO, ROBSTRIDE, ODRIVE, *_ = WIRINGS = [two_motors(*pair.split()) for pair in MODELS]
 
 
 def both_ends(wiring: Wiring) -> tuple[Any, Any]:
@@ -37,64 +39,54 @@ def both_ends(wiring: Wiring) -> tuple[Any, Any]:
     return driver, end
 
 
-@ALL
-class TestRequests:
-    def test_motors_decode_each_request(self, wiring: Wiring) -> None:
-        driver, end = both_ends(wiring)
-        for frames, kind in (
-            (driver.enable(), Request.ENABLE),
-            (driver.disable(), Request.DISABLE),
-            (driver.clear(), Request.CLEAR),
-            (driver.zero(), Request.ZERO),
-        ):
-            assert not len(frames.id) or end.requests(frames).kind.tolist() == [kind] * 2
+@pytest.mark.parametrize("wiring", [MIT, DAMIAO, ROBSTRIDE, ODRIVE], ids=list(MAKERS)[:4])
+def test_motors_decode_each_request(wiring: Wiring) -> None:
+    driver, end = both_ends(wiring)
+    for kind in (Request.ENABLE, Request.DISABLE, Request.CLEAR, Request.ZERO):
+        frames = getattr(driver, kind.name.lower())()
+        assert not len(frames.id) or end.requests(frames).kind.tolist() == [kind] * 2
 
 
-@pytest.mark.parametrize(
-    ("wiring", "codes"), [(DAMIAO, [65535, 4095, 4095, 4095, 4095]), (ROBSTRIDE, [65535] * 5)]
-)
-class TestRounding:
-    """Values are rounded to the nearest code and clamped to the range."""
-
-    @given(share=arrays.arrays(float, (5, 2), elements=st.floats(-2.0, 2.0)))
-    def test_rounding_of_commands_and_readings(
-        self, wiring: Wiring, codes: list[int], share: np.ndarray
-    ) -> None:
-        assume(not (share > 0.998).all(axis=0).any())  # would read as a special frame of MIT mode
-        driver, end = both_ends(wiring)
-        highest, rows = driver.highest, [0, 1, 4]
-        half = 0.5 * (highest - driver.lowest) / np.array(codes)[:, None] * (1 + 1e-9)
-        requests = end.requests(driver.command(share * highest))
-        assert np.all(np.abs(requests.values - np.clip(share * highest, driver.lowest, highest)) <= half)
-        readings = np.clip(share * highest, -highest, highest)[rows]
-        for _ in range(2):  # the second time from arrays that were seen before
-            replies = driver.replies(end.reply(slice(None), report(share[rows] * highest[rows], 0, 33)))
-        assert np.all(np.abs(replies.values - readings) <= half[rows])
-        assert replies.temperature_c.tolist() == [33, 33]
+@pytest.mark.parametrize(("wiring", "codes"), [(DAMIAO, [65535] + [4095] * 4), (ROBSTRIDE, [65535] * 5)])
+@given(share=arrays.arrays(float, (5, 2), elements=st.floats(-2.0, 2.0)))
+def test_values_are_rounded_to_the_nearest_code_and_clamped(
+    wiring: Wiring, codes: list[int], share: np.ndarray
+) -> None:
+    assume(not (share > 0.998).all(axis=0).any())  # would read as a special frame of MIT mode
+    driver, end = both_ends(wiring)
+    highest, rows = driver.highest, [0, 1, 4]
+    half = 0.5 * (highest - driver.lowest) / np.array(codes)[:, None] * (1 + 1e-9)
+    requests = end.requests(driver.command(share * highest))
+    assert np.all(np.abs(requests.values - np.clip(share * highest, driver.lowest, highest)) <= half)
+    readings = np.clip(share * highest, -highest, highest)[rows]
+    for _ in range(2):  # the second time from arrays that were seen before
+        replies = driver.replies(end.reply(slice(None), report(share[rows] * highest[rows], 0, 33)))
+    assert np.all(np.abs(replies.values - readings) <= half[rows])
+    assert replies.temperature_c.tolist() == [33, 33]
 
 
-@WITH_SETTINGS
+def with_timeout(wiring: Wiring, setting: int) -> tuple[Any, Any, dict[int, float], int]:
+    """Both ends, the settings of the knee's motor, and the index of its changed time-out: 20 000 are 1 s."""
+    driver, end = open_driver(wiring), open_motor_end(wiring)
+    settings, timeout = (
+        (end.registers[1], damiao.TIMEOUT) if wiring is DAMIAO else (end.parameters[1], robstride.TIMEOUT)
+    )
+    settings[timeout] = setting
+    return driver, end, settings, timeout
+
+
+@pytest.mark.parametrize("wiring", [DAMIAO, ROBSTRIDE], ids=["Damiao", "RobStride"])
 class TestSettings:
-    def own(self, end: Any) -> tuple[dict[int, float], int]:
-        """Settings of the knee's motor, and the index of its time-out: 2000 are 0.1 s, 20 000 are 1 s."""
-        if hasattr(end, "registers"):
-            return end.registers[1], damiao.TIMEOUT
-        return end.parameters[1], robstride.TIMEOUT
-
     @pytest.mark.parametrize(("setting", "kept"), [(0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)])
     def test_a_wrong_timeout_is_set_and_read_back(self, wiring: Wiring, setting: int, kept: int) -> None:
-        driver, end = open_driver(wiring), open_motor_end(wiring)
-        settings, timeout = self.own(end)
-        settings[timeout] = setting
+        driver, end, settings, timeout = with_timeout(wiring, setting)
         read_settings(driver, end)
         assert settings[timeout] == kept
 
     @pytest.mark.parametrize(("setting", "message"), [(0, "has no"), (20_000, "1 s")])
     def test_a_motor_that_ignores_it_is_disabled(self, wiring: Wiring, setting: int, message: str) -> None:
         """The motor confirms the write, but reports its old setting."""
-        driver, end = open_driver(wiring), open_motor_end(wiring)
-        settings, timeout = self.own(end)
-        settings[timeout] = setting
+        driver, end, *_ = with_timeout(wiring, setting)
         for _ in range(8):
             queries = driver.query_settings()
             reads = queries.data[:, 2] == damiao.READ if wiring is DAMIAO else queries.id >> 24 & 0x1F == 0x11
@@ -118,22 +110,31 @@ def test_a_rebooted_motor_is_a_fault(go1: Robot, maker: str) -> None:
     assert maker == "ODrive" or trace.walked_s < 0.12  # an axis reports it with its next heartbeat
 
 
+@pytest.mark.parametrize(
+    ("maker", "late_us"),
+    [("MIT mode", 5000), ("ODrive", 5000), ("moteus", 5000), ("mixed", 5000), ("Damiao", 1000)],
+)
+def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str, late_us: int) -> None:
+    """Before they are enabled, the motors report their settings late."""
+    robot = with_motors(go1, **MAKERS[maker])
+    simulated = Simulation(robot, motor_timeout_s=None, hanging=True)
+    simulated.bus.incoming = late(late_us)
+    session = Session(stand_still, 0.05, realtime=False, config=DeployConfig(stand_s=0.1), lie_down=False)
+    outcome = run_session(robot, Hold(robot), simulated.bus, session)
+    assert (outcome.faults, outcome.final_state) == ((), "IDLE")
+
+
 IDENTIFIERS = [
-    *(0x000, 0x103, 0x203, 0x003, 0x061, 0x069, 0x06E, 0x07C, 0x7FF, EXTENDED | 0x028003FD),
-    EXTENDED | 0x110003FD,
+    *(0x000, 0x103, 0x203, 0x003, 0x061, 0x069, 0x06E, 0x07C, 0x7FF),
+    *(EXTENDED | 0x028003FD, EXTENDED | 0x110003FD),
 ]
 
 
-MIXTURES = "AK70-10 AK80-9|DM4310 DM8009|RS00 RS03|ODrive ODrive|AK80-9 RS03|ODrive DM4310"
-
-
-@pytest.mark.parametrize("models", MIXTURES.split("|"))
-def test_random_frames_raise_nothing_and_readings_stay_in_range(models: str) -> None:
+@pytest.mark.parametrize("wiring", WIRINGS, ids=MODELS)
+def test_random_frames_raise_nothing_and_readings_stay_in_range(wiring: Wiring) -> None:
     """The test sends 20,000 frames with identifiers of every kind on both buses, some of the right length."""
-    wiring = two_motors(*models.split())
     driver, end = open_driver(wiring), open_motor_end(wiring)
     rng, count = np.random.default_rng(1), 100
-    highest = driver.highest[[0, 1, 4]]
     for _ in range(200):
         near = rng.choice(IDENTIFIERS, count) ^ rng.integers(0, 2, count) * (1 << rng.integers(0, 29, count))
         data = rng.integers(0, 256, (count, 8)).astype(np.uint8)
@@ -142,7 +143,81 @@ def test_random_frames_raise_nothing_and_readings_stay_in_range(models: str) -> 
         frames = Frames(rng.integers(0, 2, count), near, data, length)
         motor, values, error, temperature, *_ = driver.replies(frames)
         assert values.shape == (3, len(temperature)) == (3, len(error))
-        assert np.all(np.abs(values) <= highest[:, motor] * (1 + 1e-9))
+        assert np.all(np.abs(values) <= driver.highest[[0, 1, 4]][:, motor] * (1 + 1e-9))
         end.requests(frames)
         end.settings_replies(frames)
         driver.not_ready()
+
+
+class TestSeveralMakers:
+    """Each maker's driver handles its own joints of one robot."""
+
+    joints, models = np.arange(12), ("RS03", "DM8009", "ODrive") * 4
+    wiring = replace(wiring_of(load_robot("go1")), models=models, motor_id=joints + 4)
+    by_maker = robstride, damiao, odrive = tuple(np.arange(first, 12, 3) for first in range(3))
+    end = open_motor_end(wiring)
+    readings = np.array([[0.01], [0.1], [0.3]]) * joints
+    report = report(readings, 7 * (joints == 3), 44)
+
+    def exchange(self, driver: Driver, ticks: int) -> None:
+        """The motors answer queries, and ODrives send their readings."""
+        for tick in range(ticks):
+            queries = driver.query_settings()
+            for frames in (self.end.settings_replies(queries), self.broadcast(1000 * tick)):
+                if frames:
+                    driver.replies(frames)
+
+    def broadcast(self, now_us: int) -> Frames | None:
+        return self.end.broadcast(now_us, self.joints >= 0, self.report)
+
+    @pytest.fixture
+    def driver(self) -> Driver:
+        """All motors have reported their settings."""
+        driver = open_driver(self.wiring)
+        self.exchange(driver, 100)
+        return driver
+
+    def test_limits_rounding_bits_and_timeouts_are_each_joints_own(self) -> None:
+        driver = open_driver(self.wiring)
+        assert self.end.broadcasts  # as ODrives do
+        for joints in self.by_maker:
+            own, own_end = open_driver(self.wiring.take(joints)), open_motor_end(self.wiring.take(joints))
+            for figures in ("lowest", "highest", "gain_rounding", "exchange_bits"):
+                np.testing.assert_array_equal(getattr(driver, figures)[..., joints], getattr(own, figures))
+            assert all(each in driver.filters for each in own.filters)
+            assert set(self.end.timeout_error[joints]) == {own_end.timeout_error}
+            assert set(self.end.timeout_latches[joints]) == {own_end.timeout_latches}
+
+    def test_commands_and_readings_are_each_joints_own(self, driver: Driver) -> None:
+        """ODrives send their readings by themselves."""
+        command = np.array([[0.01], [0.2], [30.0], [0.1], [0.5]]) * self.joints
+        requests = self.end.requests(driver.command(command))
+        received = np.full((5, 12), np.nan)
+        received[:, requests.motor] = requests.values
+        both = np.union1d(self.robstride, self.damiao)
+        np.testing.assert_allclose(received[:, both], command[:, both], atol=0.1)
+        frames = self.end.reply(slice(None), self.report)
+        for times in (None, np.arange(len(frames.id))):
+            replies = driver.replies(frames._replace(time_us=times))
+            np.testing.assert_allclose(replies.values, self.readings[:, replies.motor], atol=0.02)
+            assert np.asarray(replies.motor)[replies.error > 0].tolist() == [3]
+            assert (replies.temperature_c == 44).all()
+            assert np.isnan(replies.current_a).all()
+            assert (replies.time_us is None) == (times is None)
+        replies = driver.replies(self.broadcast(0))
+        assert set(np.asarray(replies.motor)) <= set(self.odrive)
+        np.testing.assert_allclose(replies.values[0], self.readings[0, replies.motor], atol=1e-6)
+
+    def test_motors_that_are_not_ready_or_not_confirmed_off_are_given_by_joint(self, driver: Driver) -> None:
+        started = open_driver(self.wiring)
+        assert started.not_ready().startswith("motor FR_hip_joint")
+        self.exchange(started, 2)
+        assert len(started.query_settings().id) > 0
+        assert (driver.not_ready(), len(driver.query_settings().id)) == ("", 0)
+        driver.replies(self.end.reply(slice(None), report(self.readings, on=self.joints != 4)))
+        assert np.flatnonzero(~driver.not_confirmed_off()).tolist() == [4]
+
+    def test_batches_of_damping_go_out_in_each_makers_own_turn(self, driver: Driver) -> None:
+        """An ODrive needs three frames, the others one: they get it each time."""
+        one, two, three = (set(batch.id.tolist()) for batch in driver.damping(np.ones(12)))
+        assert (len(one & two & three), len(one | two | three)) == (8, 8 + 3 * 4)

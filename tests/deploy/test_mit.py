@@ -17,36 +17,40 @@ from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.mit import MitMotorEnd
 
-PROTOCOLS = list(mit.RANGES)
-CODEC = mit.Codec(PROTOCOLS)
-N = len(PROTOCOLS)
-EVERYONE = np.arange(N)
-shares = arrays.arrays(float, (5, N), elements=st.floats(0.0, 1.0))
+HIGHEST = {  # velocity rad/s, stiffness N m/rad, damping N m s/rad, torque N m; position 12.5 rad
+    "AK80-9": (50.0, 500.0, 5.0, 18.0),
+    "AK80-6": (76.0, 500.0, 5.0, 12.0),
+    "AK70-10": (50.0, 500.0, 5.0, 25.0),
+    "AK60-6": (50.0, 500.0, 5.0, 15.0),
+    "AK10-9": (50.0, 500.0, 5.0, 65.0),
+    "AK80-64": (8.0, 500.0, 5.0, 144.0),
+    "MIT-40-150": (40.0, 500.0, 5.0, 150.0),
+    "MIT-65-500": (65.0, 4000.0, 100.0, 500.0),
+}
+CODEC, N = mit.Codec(list(mit.RANGES)), len(mit.RANGES)
+ALL = np.arange(N)
+AK80_9 = mit.Codec(["AK80-9"])
 
 
-def decoded(data: np.ndarray) -> np.ndarray:
-    return CODEC.decode(mit.words(data), EVERYONE)
-
-
-def replies(values: np.ndarray, tail: int = 0) -> np.ndarray:
-    head = np.arange(1, N + 1, dtype=np.uint64) << np.uint64(56)
-    return CODEC.encode_replies(EVERYONE, head, values, np.full(N, tail, dtype=np.uint64))
+def replies(values: np.ndarray, tail: int = 0, codec: mit.Codec = CODEC, first_id: int = 1) -> np.ndarray:
+    motors = np.arange(values.shape[1])
+    head = (first_id + motors).astype(np.uint64) << np.uint64(56)
+    return codec.encode_replies(motors, head, values, np.full(len(motors), tail, dtype=np.uint64))
 
 
 class TestCommandFrames:
     def test_fields_lie_where_the_manual_puts_them(self) -> None:
-        codec = mit.Codec(["AK80-9"])
         # lowest position, highest velocity, lowest stiffness, highest damping, lowest torque
         values = np.array([[-12.5], [50.0], [0.0], [5.0], [-18.0]])
-        assert codec.encode(values)[0].tobytes().hex(" ") == "00 00 ff f0 00 ff f0 00"
+        assert AK80_9.encode(values)[0].tobytes().hex(" ") == "00 00 ff f0 00 ff f0 00"
         values[3] = 2.5  # half of its range
-        assert codec.encode(values)[0].tobytes().hex(" ") == "00 00 ff f0 00 80 00 00"
+        assert AK80_9.encode(values)[0].tobytes().hex(" ") == "00 00 ff f0 00 80 00 00"
 
-    @given(shares)
+    @given(arrays.arrays(float, (5, N), elements=st.floats(0.0, 1.0)))
     def test_a_round_trip_is_off_by_half_a_quantum_at_most(self, share: np.ndarray) -> None:
         values = CODEC.lowest + share * (CODEC.highest - CODEC.lowest)
         data = CODEC.encode(values)
-        error = np.abs(decoded(data) - values)
+        error = np.abs(CODEC.decode(mit.words(data), ALL) - values)
         lowered = mit.words(data) == mit.ENTER - 1  # would be decoded as a special frame, see below
         assert np.all((error <= 0.5 * CODEC.quantum * (1 + 1e-9)) | lowered)
 
@@ -57,15 +61,9 @@ class TestCommandFrames:
 
 class TestReplies:
     def test_fields_lie_where_the_manual_puts_them(self) -> None:
-        codec = mit.Codec(["AK80-9"])
-        data = codec.encode_replies(
-            np.array([0]),
-            np.array([7 << 56], dtype=np.uint64),
-            np.array([[12.5], [-50.0], [18.0]]),
-            np.array([40 << 8 | 3], dtype=np.uint64),
-        )
+        data = replies(np.array([[12.5], [-50.0], [18.0]]), 40 << 8 | 3, AK80_9, first_id=7)
         assert data[0].tobytes().hex(" ") == "07 ff ff 00 0f ff 28 03"
-        reply = codec.decode_replies(data, np.array([0]))
+        reply = AK80_9.decode_replies(data, np.array([0]))
         assert (reply.temperature_c[0], reply.error[0]) == (40, 3)
 
     @pytest.mark.parametrize(("factor", "code"), [(2.0, "ff ff ff ff ff"), (-2.0, "00 00 00 00 00")])
@@ -77,29 +75,14 @@ class TestReplies:
         data = replies(np.ones((3, N)), tail=99)
         short = data.copy()
         short[:, 6:] = 0  # as the bus pads it
-        full, brief = (CODEC.decode_replies(d, EVERYONE) for d in (data, short))
+        full, brief = (CODEC.decode_replies(each, ALL) for each in (data, short))
         assert np.array_equal(full.values, brief.values)
         assert not brief.error.any()
 
 
-HIGHEST = {  # velocity rad/s, stiffness N m/rad, damping N m s/rad, torque N m; position 12.5 rad
-    "AK80-9": (50.0, 500.0, 5.0, 18.0),
-    "AK80-6": (76.0, 500.0, 5.0, 12.0),
-    "AK70-10": (50.0, 500.0, 5.0, 25.0),
-    "AK60-6": (50.0, 500.0, 5.0, 15.0),
-    "AK10-9": (50.0, 500.0, 5.0, 65.0),
-    "AK80-64": (8.0, 500.0, 5.0, 144.0),
-    "MIT-40-150": (40.0, 500.0, 5.0, 150.0),
-    "MIT-65-500": (65.0, 4000.0, 100.0, 500.0),
-}
-
-
-def test_ranges_are_those_of_the_makers_manual() -> None:
+def test_ranges_and_errors_are_those_of_the_makers_manual(go1: Robot) -> None:
     assert {name: tuple(mit.Codec([name]).highest[1:, 0]) for name in mit.RANGES} == HIGHEST
     assert (CODEC.highest[0] == 12.5).all()
-
-
-def test_errors_are_those_of_the_makers_manual(go1: Robot) -> None:
     driver = MitDriver(wiring_of(go1))
     known = ["over-temperature", "over-current", "over-voltage", "under-voltage", "encoder error"]
     assert [driver.error_name(code) for code in range(1, 7)] == [*known, "phase imbalance"]
@@ -114,13 +97,13 @@ class TestAddressing:
     def ends(self, go1: Robot) -> tuple[MitDriver, MitMotorEnd]:
         return MitDriver(wiring_of(go1)), MitMotorEnd(wiring_of(go1))
 
-    def replies(self, end: MitMotorEnd, motors: np.ndarray) -> Frames:
-        values = np.array([0.1, 0.2, 0.3])[:, None] * motors
-        return end.reply(motors, report(values, temperature_c=35))
+    def replies(self, end: MitMotorEnd, *motors: int) -> Frames:
+        values = np.array([[0.1], [0.2], [0.3]]) * motors
+        return end.reply(np.array(motors), report(values, temperature_c=35))
 
     def test_a_replys_motor_is_known_by_bus_and_id(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
         driver, end = ends
-        sent = self.replies(end, np.array([4, 1, 11]))
+        sent = self.replies(end, 4, 1, 11)
         assert sent.channel.tolist() == [1, 0, 3]
         assert sent.id.tolist() == [0x102, 0x102, 0x103]
         found = driver.replies(sent)
@@ -134,11 +117,10 @@ class TestAddressing:
             ({"id": np.array([0x000, 0x102, 0x102, 0x555])}, [4, 1]),
             ({"length": np.array([8, 6, 5, 7])}, [4, 1, 7]),
         ):
-            sent = self.replies(end, np.array([4, 1, 11, 7]))
+            sent = self.replies(end, 4, 1, 11, 7)
             assert driver.replies(sent._replace(**changes)).motor.tolist() == known  # type: ignore[union-attr]
 
-
-def test_a_motor_of_another_protocol_is_refused_with_its_joint(go1: Robot) -> None:
-    wiring = wiring_of(go1)
-    with pytest.raises(UserError, match=r"FR_hip_joint: .*'XY1'.*AK80-9.*DM8009"):
-        open_driver(replace(wiring, models=("XY1", *wiring.models[1:])))
+    def test_a_motor_of_another_protocol_is_refused_with_its_joint(self, go1: Robot) -> None:
+        wiring = wiring_of(go1)
+        with pytest.raises(UserError, match=r"FR_hip_joint: .*'XY1'.*AK80-9.*DM8009"):
+            open_driver(replace(wiring, models=("XY1", *wiring.models[1:])))

@@ -1,6 +1,7 @@
 """Covariance of pose and velocity."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,11 +12,8 @@ from footfall.deploy.estimation.odometry import YAW, DelayUncertainty, PoseUncer
 NO_DRIFT = OdometryConfig(orientation_noise=0.0, yaw_drift=0.0, scale_error=0.0, climb_error=0.0, slip=0.0)
 
 
-def walked(config: OdometryConfig, velocity: tuple[float, float], time_s: float) -> PoseUncertainty:
-    drift = PoseUncertainty(config)
-    for _ in range(round(time_s / 0.001)):
-        drift.advance([*velocity, 0.3], 0.001)
-    return drift
+def drift_of(**errors: float) -> PoseUncertainty:
+    return PoseUncertainty(replace(NO_DRIFT, **errors))
 
 
 class TestDrift:
@@ -24,7 +22,9 @@ class TestDrift:
 
         Variances are q^2 T of the yaw, v^2 q^2 T^3 / 3 across.
         """
-        drift = walked(OdometryConfig(**{**vars(NO_DRIFT), "yaw_drift": 0.01}), (0.0, 0.5), 8.0)
+        drift = drift_of(yaw_drift=0.01)
+        for _ in range(8000):
+            drift.advance([0.0, 0.5, 0.3], 0.001)
         found = drift.covariance(np.array([0.0, 4.0, 0.0]))
         assert found[YAW, YAW] == pytest.approx(8e-4)
         assert found[0, 0] == pytest.approx(0.25e-4 * 8**3 / 3, rel=2e-3)
@@ -32,39 +32,34 @@ class TestDrift:
         np.testing.assert_allclose([found[1, 1], found[0, 1], found[1, YAW], found[2, 2]], 0.0, atol=1e-12)
 
     def test_a_wrong_scale_is_a_share_of_the_displacement(self) -> None:
-        drift = PoseUncertainty(OdometryConfig(**{**vars(NO_DRIFT), "scale_error": 0.02}))
         moved = np.array([3.0, -4.0, 0.0])
-        found = drift.covariance(moved)[:3, :3]
+        found = drift_of(scale_error=0.02).covariance(moved)[:3, :3]
         np.testing.assert_allclose(found, 0.0004 * np.outer(moved, moved), atol=1e-15)
 
     def test_slips_add_up_with_the_walked_distance(self) -> None:
         """The robot walks 1.5 m ahead and 1.5 m back: three metres."""
-        drift = PoseUncertainty(OdometryConfig(**{**vars(NO_DRIFT), "slip": 0.02, "climb_error": 0.1}))
+        drift = drift_of(slip=0.02, climb_error=0.1)
         for speed in (0.5, -0.5):
             for _ in range(300):
                 drift.advance([speed, 0.0, 0.0], 0.01)
-        found = drift.covariance(np.zeros(3))
-        np.testing.assert_allclose(np.diag(found), [0.0012, 0.0012, 0.0012 + 0.09, 0.0])
+        variance = np.diag(drift.covariance(np.zeros(3)))
+        np.testing.assert_allclose(variance, [0.0012, 0.0012, 0.0012 + 0.09, 0.0])
 
 
 class TestLateness:
-    def swayed(self, late_s: float) -> DelayUncertainty:
-        """A walk at 0.5 m/s for a second, then a sway of 0.1 m/s to the left and right at 2 Hz."""
-        lateness = DelayUncertainty(OdometryConfig(latency_s=late_s, latency_filter_s=0.5))
-        for tick in range(4000):
-            angle = math.tau * 2.0 * 0.001 * tick
-            lateness.advance([0.5, 0.1 * math.sin(angle), 0.0], 0.001)
-        return lateness
-
     def test_constant_or_timely_velocities_have_no_error_of_lateness(self) -> None:
-        np.testing.assert_array_equal(self.swayed(0.01).covariance[0], 0.0)
-        np.testing.assert_allclose(self.swayed(0.0).covariance, 0.0, atol=1e-30)
+        """The robot walks ahead at 0.5 m/s and sways by 0.1 m/s at 2 Hz."""
+        configs = (OdometryConfig(latency_s=latency_s, latency_filter_s=0.5) for latency_s in (0.01, 0.0))
+        late, timely = map(DelayUncertainty, configs)
+        for tick in range(4000):
+            velocity = [0.5, 0.1 * math.sin(math.tau * 2.0 * 0.001 * tick), 0.0]
+            late.advance(velocity, 0.001)
+            timely.advance(velocity, 0.001)
+        np.testing.assert_array_equal(late.covariance[0], 0.0)
+        np.testing.assert_allclose(timely.covariance, 0.0, atol=1e-30)
 
     def test_the_error_of_lateness_is_a_filters_mean_square_lag(self) -> None:
-        """A velocity step of 1 m/s is late by 3 ms.
-
-        At first it lags by 3/4 in ticks of 1 ms, of which a tenth counts.
-        """
+        """A step of 1 m/s is late by 3 ms. At first, 3/4 are missing after a tick of 1 ms; a tenth counts."""
         lateness = DelayUncertainty(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
         lateness.advance([0.0, 0.0, 0.0], 0.001)
         lateness.advance([0.0, 0.0, 1.0], 0.001)

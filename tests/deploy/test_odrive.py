@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deploy_policies import FailingPolicy, Hold, short_episode
+from deploy_policies import Hold, short_episode
 from reports import report
 from some_motors import MAKERS, frame, two_motors, with_motors
 from some_motors import hexed as contents
 
-from footfall import JointCommand, Policy, Robot, run_episode
+from footfall import JointCommand, Robot, run_episode
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import odrive
 from footfall.deploy.drivers.odrive_driver import OdriveDriver
@@ -23,7 +23,6 @@ from footfall.plant.robot import SimulatedRobot
 
 TURN = 6.283185307179586
 TWO = two_motors("ODrive", "ODrive", gear_ratio=(1.0, 8.0))
-BOTH = np.ones(2, bool)
 HIP, KNEE = "motor hip (can0, id 3)", "motor knee (can1, id 3)"
 
 
@@ -56,23 +55,17 @@ def driver() -> OdriveDriver:
     return driver
 
 
-def command(driver: OdriveDriver, **rows: float) -> list[float]:
-    """Torques sent for one command to both axes, N m at the rotor."""
-    values = np.zeros((5, 2))
-    for name, value in rows.items():
-        values[JointCommand._fields.index(name)] = value
-    return [struct.unpack("<f", row[:4].tobytes())[0] for row in driver.command(values).data]
-
-
 class TestFrames:
     def test_frames_of_enable_disable_and_mode_are_the_manuals(self) -> None:
         """Node 3 is 0x060; state 8 is the closed loop, 1 off; mode 1 is torque, 1 passes it through."""
-        driver = OdriveDriver(TWO)
-        assert hexed(driver.query_settings())[0] == (0x06B, "01 00 00 00 01 00 00 00")
-        assert hexed(driver.enable())[0] == (0x067, "08 00 00 00")
-        assert hexed(driver.disable())[0] == (0x067, "01 00 00 00")
-        assert hexed(driver.clear())[0] == (0x078, "")
-        assert hexed(driver.zero())[0] == (0x079, "00 00 00 00")
+        for order, identifier, content in (
+            ("query_settings", 0x06B, "01 00 00 00 01 00 00 00"),
+            ("enable", 0x067, "08 00 00 00"),
+            ("disable", 0x067, "01 00 00 00"),
+            ("clear", 0x078, ""),
+            ("zero", 0x079, "00 00 00 00"),
+        ):
+            assert hexed(getattr(OdriveDriver(TWO), order)())[0] == (identifier, content)
 
     def test_a_torque_is_a_float_at_the_rotor(self, driver: OdriveDriver) -> None:
         """2.5 N m is 0x40200000; behind a gear of 8 it takes 0.3125, 0x3ea00000."""
@@ -87,9 +80,17 @@ class TestFrames:
         assert hexed(gain)[1] == (0x07B, "e4 cb 96 3e 00 00 00 00")
         assert hexed(mode)[1] == (0x06B, "02 00 00 00 01 00 00 00")
 
-    def test_the_estimated_torque_is_read_not_its_target(self, driver: OdriveDriver) -> None:
-        assert not driver.replies(pair(0x07C, 9.0, 0.5, 1)).values.size  # no reading by itself
+    @pytest.mark.filterwarnings("error")
+    def test_readings_are_finite_of_own_nodes_and_the_estimated_torque(self, driver: OdriveDriver) -> None:
+        """The first number of a torque's frame is its target, and a torque is no reading by itself."""
+        assert not driver.replies(pair(0x07C, 9.0, 0.5, 1)).values.size
         assert driver.replies(pair(0x069, 0.0, 0.0, 1)).values[2, 0] == 4.0
+        others = [pair(0x089, 1, 1), pair(0x069 | 1 << 31, 1, 1), frame(0x069, b"\0" * 7)]
+        assert not driver.replies(joined(others)).values.size
+        for bits in ((0x7F800001, 0), (0x7F800000, 0xFF800000), (0x7FC00000, 0)):  # signalling NaN, inf, NaN
+            assert not driver.replies(frame(0x069, struct.pack("<II", *bits))).values.size
+        driver.replies(pair(0x07C, 0.0, float("inf")))
+        assert driver.replies(pair(0x069, 0.0, 0.0)).values[2, 0] == 0.0
 
     def test_supply_and_temperature_are_nan_until_reported(self, driver: OdriveDriver) -> None:
         """33 f5 42 41 was recorded from an axis on 12 V. The hotter of two temperatures counts."""
@@ -98,10 +99,8 @@ class TestFrames:
         driver.replies(frame(0x077, bytes.fromhex("33f542410000c03f")))
         driver.replies(pair(0x075, 40.0, 55.0))
         after = driver.replies(pair(0x069, 0.0, 0.0))
-        assert after.voltage[0] == pytest.approx(12.184863)
-        assert after.current_a is not None
-        assert after.current_a[0] == 1.5
-        assert after.temperature_c[0] == 55.0
+        found = after.voltage[0], after.current_a[0], after.temperature_c[0]
+        assert found == (pytest.approx(12.184863), 1.5, 55.0)
 
     @pytest.mark.parametrize(
         ("bits", "reason"),
@@ -121,23 +120,13 @@ class TestFrames:
         driver.replies(heartbeat(8))
         assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [0]
 
-    def test_frames_of_other_nodes_are_ignored(self, driver: OdriveDriver) -> None:
-        others = [pair(0x089, 1, 1), pair(0x069 | 1 << 31, 1, 1), frame(0x069, b"\0" * 7)]
-        assert not driver.replies(joined(others)).values.size
 
-    @pytest.mark.filterwarnings("error")
-    def test_nan_and_infinity_are_not_accepted_as_readings(self, driver: OdriveDriver) -> None:
-        for bits in ((0x7F800001, 0), (0x7F800000, 0xFF800000), (0x7FC00000, 0)):  # signalling NaN, inf, NaN
-            assert not driver.replies(frame(0x069, struct.pack("<II", *bits))).values.size
-        driver.replies(pair(0x07C, 0.0, float("inf")))
-        assert driver.replies(pair(0x069, 0.0, 0.0)).values[2, 0] == 0.0
-
-
-class TestJointLaw:
+class TestReadings:
     def test_stiffness_and_damping_act_on_the_latest_reading(self, driver: OdriveDriver) -> None:
         """The hip is at a quarter of a turn, 1.5708 rad, at 1 rad/s; the knee at zero, behind a gear of 8."""
         driver.replies(pair(0x069, 0.25, 1.0 / TURN))
-        hip, knee = command(driver, position=2.0, velocity=0.5, kp=10.0, kd=2.0, torque=0.25)
+        law = JointCommand(position=2.0, velocity=0.5, kp=10.0, kd=2.0, torque=0.25)  # type: ignore[arg-type]
+        hip, knee = driver.command(np.tile(law, (2, 1)).T).data[:, :4].copy().view("<f4")[:, 0]
         assert hip == pytest.approx(10.0 * (2.0 - TURN / 4) + 2.0 * (0.5 - 1.0) + 0.25, rel=1e-6)
         assert knee == pytest.approx((10.0 * 2.0 + 2.0 * 0.5 + 0.25) / 8.0, rel=1e-6)
 
@@ -148,7 +137,7 @@ class TestJointLaw:
 
 
 class TestStart:
-    def test_the_first_axis_that_is_not_ready_or_not_on_is_named(self, driver: OdriveDriver) -> None:
+    def test_the_first_axis_that_is_not_ready_or_not_enabled_is_named(self) -> None:
         driver = OdriveDriver(TWO)
         for frames, missing in (
             (pair(0x069, 0, 0), f"{KNEE} sends no position"),
@@ -179,10 +168,7 @@ class TestStart:
         ],
     )
     def test_a_watchdog_is_read_and_has_limits(self, on: int, waits_s: float, reason: str) -> None:
-        """The knee's endpoints are 0x19a and 0x199, little-endian, after a 0 for reading.
-
-        The switch is one byte.
-        """
+        """The knee's endpoints are 0x19a (a switch of one byte) and 0x199, little-endian, after a 0: read."""
         driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
         answer_all(driver)
         assert "watchdog" in driver.not_ready()
@@ -190,8 +176,7 @@ class TestStart:
         assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, on]), 1)).values.size
         assert hexed(driver.query_settings())[2:] == [(0x064, "00 99 01 00")]
         driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", waits_s), 1))
-        assert (driver.not_ready() == "") == (reason == "")
-        assert reason in driver.not_ready()
+        assert reason in driver.not_ready() if reason else driver.not_ready() == ""
         assert len(driver.query_settings().id) == 2  # nothing is left to be read
 
 
@@ -210,48 +195,36 @@ class TestMotorEnd:
         assert end.requests(gain).values.shape == end.requests(mode).values.shape == (5, 0)
         braked = end.requests(rest)
         np.testing.assert_allclose(braked.values, [[0] * 2, [0] * 2, [0] * 2, [3] * 2, [0] * 2])
-        assert braked.kind is not None
-        assert braked.kind.tolist() == [Request.COMMAND] * 2
-
-    def receive(self, driver: OdriveDriver, error: np.ndarray) -> Frames:
-        """All reports of two axes at rest, at 41 degrees, in a tenth of a second."""
-        end, rest = OdriveMotorEnd(TWO), np.zeros((3, 2))
-        frames = [end.broadcast(now_us, BOTH, report(rest, error, 41)) for now_us in range(0, 100_000, 1000)]
-        frames = joined([each for each in frames if each is not None])
-        driver.replies(frames)
-        return frames
+        assert np.asarray(braked.kind).tolist() == [Request.COMMAND] * 2
 
     @pytest.mark.parametrize(
         ("error", "bits"), [(0, 0), (1, 1), (10, 0x200), (odrive.WATCHDOG, 0x01000000), (32, 0x80000000)]
     )
     def test_an_error_is_the_manuals_bit(self, driver: OdriveDriver, error: int, bits: int) -> None:
         """0x200 is under-voltage, 0x01000000 an expired watchdog; only the hip reports it."""
-        received = self.receive(driver, np.array([error, 0]))
+        end, rest, states = OdriveMotorEnd(TWO), np.zeros((3, 2)), np.array([error, 0])
+        reports = (end.broadcast(ms * 1000, rest[0] == 0, report(rest, states, 41)) for ms in range(100))
+        received = joined([each for each in reports if each is not None])
+        driver.replies(received)
         beats = received.take(received.id & 0x1F == odrive.HEARTBEAT)
         words = beats.data[:, :4].copy().view("<u4")[:, 0]
         assert dict(zip(beats.channel.tolist(), words.tolist(), strict=True)) == {0: bits, 1: 0}
         assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [error]
 
 
-class TestRobots:
-    def faults(self, robot: Robot, at: object, policy: Policy | None = None) -> tuple[str, ...]:
-        config = DeployConfig(stand_s=0.2, safety=SafetyConfig(damping_s=0.1))
-        episode = short_episode(duration_s=0.2, config=config)
-        return run_episode(robot, policy or Hold(robot), episode, at).faults  # type: ignore[arg-type]
+def test_axes_damp_by_themselves_when_the_host_receives_nothing(go1: Robot) -> None:
+    """The joint law runs on the host, whose readings become old: the axes have to damp by themselves."""
+    robot, braked = with_motors(go1, **MAKERS["ODrive"]), list[float]()
 
-    def test_axes_damp_by_themselves_when_the_host_receives_nothing(self, go1: Robot) -> None:
-        """The joint law runs on the host, whose readings become old: the axes have to damp by themselves."""
-        robot = with_motors(go1, **MAKERS["ODrive"])
-        braked: list[float] = []
+    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
+        if loop.walking and loop.walking_s > 0.05:
+            loop._bus.receive = None  # type: ignore[assignment, method-assign]
+        if loop.state.faults:
+            body.advance(loop.now_us)
+            truth = body.truth()
+            braked.append(float(np.sum(truth.motor_torque * truth.joint_velocity)))
 
-        def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-            if loop.walking and loop.walking_s > 0.05:
-                loop._bus.receive = None  # type: ignore[assignment, method-assign]
-            if loop.state.faults:
-                body.advance(loop.now_us)
-                truth = body.truth()
-                braked.append(float(np.sum(truth.motor_torque * truth.joint_velocity)))
-
-        (fault,) = self.faults(robot, watch, FailingPolicy(robot, 10.0, lambda c: c))
-        assert "loop" in fault
-        assert min(braked[20:]) < -1.0  # W
+    config = DeployConfig(stand_s=0.2, safety=SafetyConfig(damping_s=0.1))
+    (fault,) = run_episode(robot, Hold(robot), short_episode(duration_s=0.2, config=config), watch).faults
+    assert "loop" in fault
+    assert min(braked[20:]) < -1.0  # W

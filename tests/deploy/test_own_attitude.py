@@ -1,19 +1,30 @@
-"""The base estimator's own attitude: gyro, accelerometer and legs, without the IMU's orientation."""
+"""Attitude without the IMU's orientation: by the base estimator, and by the filter of inertial readings."""
 
 import numpy as np
+import pytest
+from changed_robots import described
+from deploy_policies import Hold, short_episode
 from direct_plant import DirectPlant, walk
 from scipy.spatial.transform import Rotation
 
+from footfall import Episode, Push, Robot, load_policy, run_episode
 from footfall.common.constants import GRAVITY_M_S2
+from footfall.common.rotations import rotation_matrix
 from footfall.deploy.estimation.attitude import attitude_at_rest, leveled
 from footfall.deploy.estimation.config import AttitudeConfig, EstimatorConfig, GyroConfig
 from footfall.deploy.estimation.estimator import BaseEstimator
+from footfall.deploy.loop import ControlLoop
+from footfall.evaluate.scenarios import load_scenarios
+from footfall.plant.robot import SimulatedRobot
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.policy import Sensed
-from footfall.robots.description import Robot
 
 UP = np.array([0.0, 0.0, 1.0])
-LEANING = Rotation.from_euler("xy", [2.0, -2.0], degrees=True)  # error of the first orientation
+CONFIG = AttitudeConfig()
+
+
+def turn(quaternion: np.ndarray | tuple) -> Rotation:
+    return Rotation.from_quat(quaternion, scalar_first=True)
 
 
 class Blind:
@@ -21,48 +32,80 @@ class Blind:
 
     def __init__(self, plant: DirectPlant) -> None:
         # The orientations after the first one are wrong: the gyro has a bias.
-        unknown = GyroConfig(bias_half_s=1e6)
-        self._plant = plant
-        self._estimator = BaseEstimator(plant.robot, EstimatorConfig(own_attitude=True, gyro=unknown))
+        config = EstimatorConfig(own_attitude=True, gyro=GyroConfig(bias_half_s=1e6))
+        self._plant, self._estimator = plant, BaseEstimator(plant.robot, config)
         self.tilt_errors: list[float] = []  # degrees
 
     def reset(self, sensed: Sensed) -> None:
-        wrong = Rotation.from_quat(sensed.quaternion, scalar_first=True) * LEANING
+        wrong = turn(sensed.quaternion) * Rotation.from_euler("xy", [2.0, -2.0], degrees=True)
         self._estimator.reset(sensed._replace(quaternion=wrong.as_quat(scalar_first=True)))
 
     def update(self, sensed: Sensed, stance: np.ndarray | None, dt_s: float) -> tuple[np.ndarray, float]:
         found = self._estimator.update(sensed._replace(quaternion=np.eye(4)[0]), stance, dt_s)
-        orientation = Rotation.from_quat(self._estimator.odometry().orientation, scalar_first=True)
-        true = Rotation.from_quat(self._plant.data.qpos[3:7], scalar_first=True)
-        error = np.linalg.norm(orientation.inv().apply(UP) - true.inv().apply(UP))
+        own, true = turn(self._estimator.odometry().orientation), turn(self._plant.data.qpos[3:7])
+        error = np.linalg.norm(own.inv().apply(UP) - true.inv().apply(UP))
         self.tilt_errors.append(float(np.degrees(error)))
         return found
 
 
-def test_standing_legs_correct_the_tilt_of_a_robot_that_trots(go1: Robot) -> None:
-    plant = DirectPlant(go1, seed=1)
-    blind = Blind(plant)
-    walk(Walk(go1, "trot"), plant, lambda _: np.array([0.4, 0.1, 0.4]), 4.0, blind)
-    assert blind.tilt_errors[0] > 2.0
-    assert np.sqrt(np.mean(np.square(blind.tilt_errors[-500:]))) < 1.0
+class TestEstimator:
+    def test_standing_legs_correct_the_tilt_of_a_robot_that_trots(self, go1: Robot) -> None:
+        plant = DirectPlant(go1, seed=1)
+        blind = Blind(plant)
+        walk(Walk(go1, "trot"), plant, lambda _: np.array([0.4, 0.1, 0.4]), 4.0, blind)
+        assert blind.tilt_errors[0] > 2.0
+        assert np.sqrt(np.mean(np.square(blind.tilt_errors[-500:]))) < 1.0
+
+    def test_a_wrong_tilt_appears_as_a_horizontal_accelerometer_bias(self) -> None:
+        true = Rotation.from_euler("xy", [0.1, -0.2])
+        wrong = true * Rotation.from_euler("xy", [0.02, 0.01])
+        attitude = attitude_at_rest((0.0, 0.0, 0.0), tuple(wrong.inv().apply(UP).tolist()), CONFIG)
+        bias = GRAVITY_M_S2 * (true.inv().apply(UP) - wrong.inv().apply(UP))
+        corrected, left = leveled(attitude, bias.tolist(), CONFIG)
+        tilt_error = turn(corrected.quaternion).inv().apply(UP) - true.inv().apply(UP)
+        assert np.linalg.norm(tilt_error) < 3e-4  # second order
+        assert np.linalg.norm(left) < 0.02 * np.linalg.norm(bias)
+
+    def test_tilt_that_legs_keep_correcting_is_the_gyros_bias(self) -> None:
+        """Corrections turn the vertical towards x: the body turns faster about y than the gyro reports."""
+        attitude = attitude_at_rest((0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY_M_S2), CONFIG)
+        corrected, _ = leveled(attitude, [0.1, 0.0, 0.0], CONFIG)
+        correction = turn(corrected.quaternion).as_rotvec()
+        np.testing.assert_allclose(corrected.bias, -CONFIG.legs_bias_hz * correction, rtol=1e-3)
+        assert correction[1] < 0.0
 
 
-def test_a_wrong_tilt_appears_as_a_horizontal_accelerometer_bias() -> None:
-    true, config = Rotation.from_euler("xy", [0.1, -0.2]), AttitudeConfig()
-    wrong = true * Rotation.from_euler("xy", [0.02, 0.01])
-    attitude = attitude_at_rest((0.0, 0.0, 0.0), tuple(wrong.inv().apply(UP).tolist()), config)
-    bias = GRAVITY_M_S2 * (true.inv().apply(UP) - wrong.inv().apply(UP))
-    corrected, left = leveled(attitude, bias.tolist(), config)
-    found = Rotation.from_quat(corrected.quaternion, scalar_first=True)
-    assert np.linalg.norm(found.inv().apply(UP) - true.inv().apply(UP)) < 3e-4  # second order
-    assert np.linalg.norm(left) < 0.02 * np.linalg.norm(bias)
+class TestFilter:
+    """A robot whose IMU gives no orientation."""
 
+    @pytest.fixture
+    def robot(self, go1: Robot) -> Robot:
+        return described(go1, imu_protocol="footfall-inertial")
 
-def test_tilt_that_legs_keep_correcting_is_the_gyros_bias() -> None:
-    """Corrections turn the vertical towards x: the body turns faster about y than the gyro reports."""
-    config = AttitudeConfig()
-    attitude = attitude_at_rest((0.0, 0.0, 0.0), (0.0, 0.0, GRAVITY_M_S2), config)
-    corrected, _ = leveled(attitude, [0.1, 0.0, 0.0], config)
-    turn = Rotation.from_quat(corrected.quaternion, scalar_first=True).as_rotvec()
-    np.testing.assert_allclose(corrected.bias, -config.legs_bias_hz * turn, rtol=1e-3)
-    assert turn[1] < 0.0
+    def test_the_tilt_of_a_pushed_robot_is_right_within_a_degree(self, robot: Robot) -> None:
+        """The gyro has a bias; the tilt's error is a root mean square."""
+        errors = []
+
+        def compare(loop: ControlLoop, body: SimulatedRobot) -> None:
+            if loop.walking:
+                up = rotation_matrix(loop.sensed.quaternion)[2]
+                errors.append(np.linalg.norm(up - rotation_matrix(body.truth().base_quaternion)[2]))
+
+        episode = Episode(
+            command_source=lambda _: np.array([0.8, 0.0, 0.3]),
+            duration_s=2.0,
+            sample={"gyro_bias": np.array([0.02, -0.015, 0.01])},
+            noise=load_scenarios(robot).noise,
+            pushes=(Push(0.6, (0.5, 0.0, 0.0)), Push(1.4, (0.0, -0.5, 0.0))),
+        )
+        trace = run_episode(robot, load_policy("go1-flat", robot), episode, compare)
+        assert (trace.fell, trace.faults) == (False, ())
+        assert np.degrees(np.sqrt(np.mean(np.square(errors)))) <= 1.0
+        assert np.median(trace.base_velocity[50:, 0]) == pytest.approx(0.8, abs=0.2)
+
+    def test_a_robot_that_moves_at_first_may_not_stand_up(self, robot: Robot) -> None:
+        """The robot's gyro reads 0.2 rad/s, which the filter would take for a bias."""
+        episode = short_episode(sample={"gyro_bias": np.array([0.0, 0.2, 0.0])})
+        trace = run_episode(robot, Hold(robot), episode)
+        assert trace.faults
+        assert not len(trace.time_s)

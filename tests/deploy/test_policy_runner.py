@@ -2,12 +2,14 @@
 
 import math
 import sys
+from itertools import cycle
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, stand_still
+from deploy_policies import FailingPolicy, Hold, stand_still
+from fake_time import Watch
 
 from footfall import JointCommand, Robot, UserError
 from footfall.deploy import policy_runner
@@ -16,7 +18,7 @@ from footfall.deploy.command_source import VelocityFunction, source_of
 from footfall.deploy.handover import Handover
 from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.steering import Steering
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import Sensed
 
 READINGS = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), *np.zeros((3, 12)))
 ESTIMATE = (np.array([0.1, 0.2, 0.3]), 0.3)
@@ -28,12 +30,9 @@ def runner_of(policy: Any, source: VelocityFunction = stand_still, realtime: boo
     return PolicyRunner(Handover([policy]), Steering(source_of(source), [policy]), 500.0, 0.1, realtime)
 
 
-def run_at(runner: PolicyRunner, now_us: int) -> Any:
-    return SimpleNamespace(walking_s=runner.time_s(now_us), battery=NO_BATTERY)
-
-
 def step(runner: PolicyRunner, now_us: int, walking: bool = True) -> Any:
-    return runner.step(now_us, run_at(runner, now_us), READINGS, ESTIMATE, walking)
+    run: Any = SimpleNamespace(walking_s=runner.time_s(now_us), battery=NO_BATTERY)
+    return runner.step(now_us, run, READINGS, ESTIMATE, walking)
 
 
 def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[float]:
@@ -47,50 +46,16 @@ def walk(runner: PolicyRunner, times_us: Any, walking: bool = True) -> list[floa
     return taken
 
 
-class Stopwatch:
-    """Replaces `time`: it advances only on request."""
-
-    now_s = 0.0
-
-    def perf_counter(self) -> float:
-        return self.now_s
-
-
-@pytest.fixture
-def watch(monkeypatch: pytest.MonkeyPatch) -> Stopwatch:
-    watch = Stopwatch()
-    monkeypatch.setattr(policy_runner, "time", watch)
-    return watch
-
-
-class SlowSteps(Hold):
-    """A policy whose steps take the given durations in turn, s."""
-
-    def __init__(self, robot: Robot, watch: Stopwatch, *durations_s: float) -> None:
-        super().__init__(robot)
-        self._watch, self._durations_s = watch, durations_s
-
-    def act(self, inputs: PolicyInput) -> JointCommand:
-        self._watch.now_s += self._durations_s[len(self.seen) % len(self._durations_s)]
-        return super().act(inputs)
-
-
-class Changing(Hold):
-    """Holds the default pose, with a change to its command."""
-
-    def __init__(self, robot: Robot, change: Any) -> None:
-        super().__init__(robot)
-        self._change = change
-
-    def act(self, inputs: PolicyInput) -> JointCommand:
-        return self._change(super().act(inputs))  # type: ignore[no-any-return]
+def at_rate(robot: Robot, rate_hz: float) -> Hold:
+    policy = Hold(robot)
+    policy.rate_hz = rate_hz
+    return policy
 
 
 class TestTimes:
     @pytest.mark.parametrize("rate_hz", [30.0, 50.0, 77.0, 500.0])
     def test_steps_come_at_the_first_tick_of_their_time(self, go1: Robot, rate_hz: float) -> None:
-        policy = Hold(go1)
-        policy.rate_hz = rate_hz
+        policy = at_rate(go1, rate_hz)
         times = walk(runner_of(policy), range(100_000, 702_000, TICK_US))
         due = np.arange(len(times)) / rate_hz
         np.testing.assert_allclose(times, np.ceil(np.round(due / 0.002, 6)) * 0.002, atol=1e-9)
@@ -102,26 +67,27 @@ class TestTimes:
         times = walk(runner_of(Hold(go1)), [*range(0, 52_000, TICK_US), *range(126_000, 186_000, TICK_US)])
         assert times == pytest.approx([0, 0.02, 0.04, 0.126, 0.14, 0.16, 0.18])
 
-    @pytest.mark.parametrize(
-        ("rate_hz", "fits"), [(500.0, True), (500.1, False), (0.0, False), (-1.0, False), (math.nan, False)]
-    )
-    def test_a_policys_rate_is_at_most_the_joints_rate(self, go1: Robot, rate_hz: float, fits: bool) -> None:
-        policy = Hold(go1)
-        policy.rate_hz = rate_hz
-        if fits:
-            runner_of(policy)
-        else:
-            with pytest.raises(UserError):
-                runner_of(policy)
+    @pytest.mark.parametrize("rate_hz", [500.1, 0.0, -1.0, math.nan])
+    def test_a_policys_rate_is_at_most_the_joints_rate(self, go1: Robot, rate_hz: float) -> None:
+        with pytest.raises(UserError):
+            runner_of(at_rate(go1, rate_hz))
 
 
 @pytest.mark.parametrize(
     ("pattern", "longest"), [("L.", 1), ("LLLL.", 4), ("LLLLL", 15)], ids=["one", "four", "all"]
 )
-def test_late_steps_count_in_a_row(go1: Robot, watch: Stopwatch, pattern: str, longest: int) -> None:
+def test_late_steps_count_in_a_row(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch, pattern: str, longest: int
+) -> None:
     """At 50 Hz a step of 21 ms is late."""
-    runner = runner_of(SlowSteps(go1, watch, *(0.021 if c == "L" else 0.019 for c in pattern)), realtime=True)
-    counts = []
+    watch, durations_s = Watch(), cycle(0.021 if letter == "L" else 0.019 for letter in pattern)
+    monkeypatch.setattr(policy_runner, "time", SimpleNamespace(perf_counter=watch))
+
+    def slow(command: JointCommand) -> JointCommand:
+        watch.now_s += next(durations_s)
+        return command
+
+    runner, counts = runner_of(FailingPolicy(go1, 0.0, slow), realtime=True), []
     runner.start(0)
     for now_us in range(0, 300_000, 20_000):
         step(runner, now_us)
@@ -133,8 +99,7 @@ def test_a_policy_gets_the_command_of_its_time_and_zero_while_stopping(go1: Robo
     policy = Hold(go1)
     walk(runner_of(policy, lambda t: np.array([t, 2 * t, 0.0])), range(50_000, 120_000, TICK_US))
     commands = np.array([seen.command for seen in policy.seen])
-    np.testing.assert_allclose(commands[:, 0], [0.0, 0.02, 0.04, 0.06], atol=1e-9)
-    np.testing.assert_allclose(commands[:, 1], 2 * commands[:, 0])
+    np.testing.assert_allclose(commands[:, :2], np.outer([0.0, 0.02, 0.04, 0.06], [1, 2]), atol=1e-9)
     assert (policy.seen[0].base_velocity, policy.seen[0].base_height) == ESTIMATE
     policy = Hold(go1)
     walk(runner_of(policy, lambda _: np.ones(3)), [0], walking=False)
@@ -156,20 +121,16 @@ class TestFailure:
     def test_a_step_that_returns_no_valid_command_is_a_failure(
         self, go1: Robot, change: Any, error: str
     ) -> None:
-        runner = runner_of(Changing(go1, change))
+        runner = runner_of(FailingPolicy(go1, 0.0, change))
         assert walk(runner, [0]) == []
         assert all(part in runner.signals.error for part in error.split(".*"))
         assert runner.decision is None
 
     @pytest.mark.parametrize("part", JointCommand._fields)
     def test_a_command_that_is_not_finite_is_signalled(self, go1: Robot, part: str) -> None:
-        class ChangesRate(Hold):
-            def act(self, inputs: PolicyInput) -> JointCommand:
-                hold = super().act(inputs)
-                odd = getattr(hold, part) + (math.nan if len(self.seen) == 1 else 0.0)
-                return hold._replace(**{part: odd})
-
-        runner, finite = runner_of(ChangesRate(go1)), []
+        added = iter((math.nan, 0.0))
+        change = lambda command: command._replace(**{part: getattr(command, part) + next(added)})  # noqa: E731
+        runner, finite = runner_of(FailingPolicy(go1, 0.0, change)), []
         runner.start(0)
         for now_us in (0, 20_000):
             step(runner, now_us)

@@ -39,7 +39,6 @@ class Rise(Hold):
 
     def __init__(self, robot: Robot) -> None:
         super().__init__(robot)
-        assert robot.lying_pose is not None
         self._folded = robot.lying_pose
 
     def reset(self, inputs: PolicyInput) -> None:
@@ -47,7 +46,7 @@ class Rise(Hold):
         self._found = inputs.sensed.joint_position.copy()
 
     def act(self, inputs: PolicyInput) -> JointCommand:
-        folded, risen = (min(max(inputs.time_s - start_s, 0.0), 1.0) for start_s in (0.0, 1.0))
+        folded, risen = np.clip([inputs.time_s, inputs.time_s - 1.0], 0.0, 1.0)
         position = (1.0 - folded) * self._found + (folded - risen) * self._folded + risen * self._pose
         return super().act(inputs)._replace(position=position)
 
@@ -55,9 +54,8 @@ class Rise(Hold):
 class Ahead:
     """A command source that always requests to walk ahead."""
 
-    stopped: Stop | None = None
-
     def __init__(self) -> None:
+        self.stopped: Stop | None = None
         self.seen: list[Status] = []
 
     def poll(self, status: Status) -> Request:
@@ -65,11 +63,17 @@ class Ahead:
         return Request(np.array([0.2, 0.0, 0.0]), Behaviour.WALK)
 
 
-def fallen(robot: Robot, **settings: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
-    """A loop whose robot walked and lies on its side; its policy, and the get-up policy."""
+def two_policies(robot: Robot) -> tuple[Hold, Hold]:
+    """A policy that walks, and a policy that gets up."""
     walks, rises = Hold(robot), Hold(robot)
     rises.name = "rises"
-    loop, body = loop_of(robot, walks, get_up=rises, **{"safety": SAFETY, **settings})
+    return walks, rises
+
+
+def fallen(robot: Robot, **settings: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
+    """A loop whose robot walked and lies on its side; its policy, and the get-up policy."""
+    walks, rises = two_policies(robot)
+    loop, body = loop_of(robot, walks, get_up=rises, safety=SAFETY, **settings)
     until(loop, Mode.WALKING)
     body.quaternion = ON_ITS_SIDE
     until(loop, Mode.FALLING)
@@ -85,13 +89,13 @@ def to_the_end(loop: ControlLoop) -> list[Mode]:
     return modes
 
 
-FAULTS: dict[str, Callable[[FrameRobot, ControlLoop], object]] = {
-    "silent IMU": lambda body, _: setattr(body, "imu_silent", True),
-    "silent motor": lambda body, _: setattr(body, "silent", [4]),
-    "hot motor": lambda body, _: setattr(body, "temperature_c", 95),
-    "motor error": lambda body, _: body.error.__setitem__(3, 1),
-    "stop": lambda *_: setattr(Ahead, "stopped", Stop("stopped by x")),
-    "end": lambda _, loop: loop.finish(),
+FAULTS: dict[str, Callable[[FrameRobot, ControlLoop, Ahead], object]] = {
+    "silent IMU": lambda body, *_: setattr(body, "imu_silent", True),
+    "silent motor": lambda body, *_: setattr(body, "silent", [4]),
+    "hot motor": lambda body, *_: setattr(body, "temperature_c", 95),
+    "motor error": lambda body, *_: body.error.__setitem__(3, 1),
+    "stop": lambda _body, _loop, source: setattr(source, "stopped", Stop("stopped by x")),
+    "end": lambda _body, loop, _source: loop.finish(),
 }
 
 
@@ -103,14 +107,11 @@ class TestOnFrames:
         assert loop.recovery.recovered == []
         body.quaternion = UPRIGHT
         until(loop, Mode.WALKING)
-        assert loop.state.faults == ()
-        assert (walks.resets, rises.resets) == (2, 1)
-        assert walks.seen[-1].time_s == 0.0
-        assert walks.seen[-1].command.tolist() == [0.2, 0.0, 0.0]
+        assert (loop.state.faults, walks.resets, rises.resets) == ((), 2, 1)
+        assert (walks.seen[-1].time_s, walks.seen[-1].command.tolist()) == (0.0, [0.2, 0.0, 0.0])
         assert not any(each.command.any() for each in rises.seen)
         (recovered,) = loop.recovery.recovered
-        assert "tilt" in recovered.fault
-        assert recovered.tries == 1
+        assert ("tilt" in recovered.fault, recovered.tries) == (True, 1)
         assert source.seen[-1].notes
         loop.finish()
         to_the_end(loop)
@@ -118,14 +119,11 @@ class TestOnFrames:
 
     def test_after_all_tries_the_robot_stays_down(self, go1: Robot) -> None:
         loop, *_, rises = fallen(go1)
-        modes = to_the_end(loop)
-        assert modes == [Mode.FALLING, Mode.RECOVERING] * 2 + [Mode.FALLING]
-        assert rises.resets == 2
-        assert len(loop.state.faults) == 3  # the fall, and each try
+        assert to_the_end(loop) == [Mode.FALLING, Mode.RECOVERING] * 2 + [Mode.FALLING]
+        assert (rises.resets, len(loop.state.faults)) == (2, 3)  # the fall, and each try
 
     def test_a_robot_that_lies_from_the_start_gets_up_too(self, go1: Robot) -> None:
-        walks, rises = Hold(go1), Hold(go1)
-        rises.name = "rises"
+        walks, rises = two_policies(go1)
         loop, body = loop_of(go1, walks, get_up=rises, safety=SAFETY)
         body.quaternion = ON_ITS_SIDE
         until(loop, Mode.RECOVERING)
@@ -136,16 +134,13 @@ class TestOnFrames:
         to_the_end(loop)
         assert 0.0 < loop.walked_s < 1.5
 
-
-class TestFaultsWhileGettingUp:
     @pytest.mark.parametrize("fault", FAULTS)
     @pytest.mark.parametrize("mode", [Mode.RECOVERING, Mode.FALLING])
-    def test_it_stays_down(self, go1: Robot, monkeypatch: pytest.MonkeyPatch, fault: str, mode: Mode) -> None:
-        monkeypatch.setattr(Ahead, "stopped", None)
-        ends = Mode.FALLING if fault == "end" else Mode.ESTOP
-        loop, body, *_ = fallen(go1, command_source=Ahead())
+    def test_a_fault_while_getting_up_keeps_it_down(self, go1: Robot, fault: str, mode: Mode) -> None:
+        ends, source = Mode.FALLING if fault == "end" else Mode.ESTOP, Ahead()
+        loop, body, *_ = fallen(go1, command_source=source)
         until(loop, mode)
-        FAULTS[fault](body, loop)
+        FAULTS[fault](body, loop, source)
         modes = to_the_end(loop)
         assert Mode.RECOVERING not in modes[1:]
         assert modes[-1] in (ends, Mode.FALLING)
@@ -180,19 +175,11 @@ class LaysDown:
 
 def test_a_simulated_robot_gets_up_and_its_log_replays_to_the_bit(go1: Robot, tmp_path: Path) -> None:
     config = DeployConfig(stand_s=0.4, odometry=True, joint_rate_hz=250.0)
-    log, watch = tmp_path / "run.mcap", LaysDown(go1)
-    episode = short_episode(
-        command_source=lambda _: np.zeros(3),
-        duration_s=5.0,
-        get_up=GetUp(Rise(go1), "rise"),
-        log=log,
-        config=config,
-        lie_down=True,
-    )
+    log, watch, rise = tmp_path / "run.mcap", LaysDown(go1), GetUp(Rise(go1), "rise")
+    episode = short_episode(duration_s=5.0, get_up=rise, log=log, config=config, lie_down=True)
     trace = run_episode(go1, Hold(go1), episode, watch)
     assert trace.faults == (), (watch.modes, trace.faults, trace.run_s)
-    assert not trace.fell
-    assert len(trace.recoveries) == 1
+    assert (trace.fell, len(trace.recoveries)) == (False, 1)
     stands = [Mode.STANDING, Mode.WALKING]
     ends = [Mode.STOPPING, Mode.LOWERING, Mode.RELEASING]
     assert watch.modes[1:] == [*stands, Mode.FALLING, Mode.RECOVERING, *stands, *ends]

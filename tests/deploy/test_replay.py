@@ -1,16 +1,19 @@
-"""Reading and repairing logs, with files written here record by record."""
+"""Writing, reading and repairing logs: fields, decisions again, damaged files, bytes of ROS 2."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from deploy_policies import Hold
+from hypothesis import given
+from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as PlainWriter
+from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -22,17 +25,18 @@ from footfall.deploy.log_records import Kind, record
 from footfall.deploy.orders import Order, OrderKind
 from footfall.deploy.recover import recover
 from footfall.deploy.replay import replay
+from footfall.deploy.telemetry import messages
 from footfall.deploy.telemetry.definitions import definition
 from footfall.deploy.telemetry.topics import TOPICS
 from footfall.policies.policy import PolicyInput, Sensed
 
 ARRAY = "std_msgs/msg/Float64MultiArray"
+GO1 = load_robot("go1").joint_names
 ZEROS = np.zeros(12)
 
 
 def inputs(time_s: float, joints: int = 12) -> PolicyInput:
-    upright = np.array([1.0, 0.0, 0.0, 0.0])
-    sensed = Sensed(np.zeros(3), np.zeros(3), upright, *np.zeros((3, joints)))
+    sensed = Sensed(*np.zeros((2, 3)), np.eye(4)[0], *np.zeros((3, joints)))
     return PolicyInput(time_s, sensed, np.zeros(3), np.zeros(3), 0.3)
 
 
@@ -48,9 +52,8 @@ class Counts(Hold):
         return JointCommand(ZEROS + 0.1 * self.steps, ZEROS, ZEROS, ZEROS, ZEROS)
 
 
-def write_steps(path: Path, decisions: list[np.ndarray], steps: int, joints: Any = None) -> Path:
-    """A log of these observations, and of commands for the first observations. `joints` None: go1's."""
-    joints = list(load_robot("go1").joint_names) if joints is None else joints
+def write_steps(path: Path, decisions: list[np.ndarray], steps: int, joints: Any = GO1) -> Path:
+    """A log of this number of observations, and of commands for the first ones."""
     with path.open("wb") as file:
         writer = Writer(file)
         schema = writer.register_msgdef(ARRAY, definition(ARRAY))
@@ -91,21 +94,20 @@ class TestReplay:
     def test_unfit_logs_and_failing_policies_are_refused(self, go1: Robot, tmp_path: Path) -> None:
         """The logs have no decisions, another robot, no joint names, or too few numbers."""
 
-        class Fails(Counts):
-            def act(self, inputs: PolicyInput) -> JointCommand:
-                raise ZeroDivisionError("by\nnought")
-
         nameless: list[Any] = [[], "text", [1, 2], {}]
-        for decisions, steps, names, policy, named in (
-            ([], 1, None, Counts, r"a\.mcap"),
-            ([np.zeros(40)], 1, [f"joint{k}" for k in range(8)], Counts, "8 joints"),
-            ([np.zeros(59)], 1, None, Counts, "59 .* 12 joints"),
-            (decided(1), 1, None, Fails, "step 0: ZeroDivisionError: by"),
-            *(([], 0, names, Counts, "joints") for names in nameless),
+        for decisions, steps, names, named in (
+            ([], 1, GO1, r"a\.mcap"),
+            ([np.zeros(40)], 1, [f"joint{k}" for k in range(8)], "8 joints"),
+            ([np.zeros(59)], 1, GO1, "59 .* 12 joints"),
+            *(([], 0, names, "joints") for names in nameless),
         ):
             path = write_steps(tmp_path / "a.mcap", decisions, steps, names)
             with pytest.raises(UserError, match=named):
-                replay(path, policy(go1))
+                replay(path, Counts(go1))
+        fails = Counts(go1)
+        fails.act = Mock(side_effect=ZeroDivisionError("by\nnought"))  # type: ignore[method-assign]
+        with pytest.raises(UserError, match="step 0: ZeroDivisionError: by"):
+            replay(write_steps(path, decided(1), 1), fails)
 
     def test_decisions_are_compared_by_time(self, go1: Robot, tmp_path: Path) -> None:
         """A damaged part of a log may have contained only the observation or only the command."""
@@ -132,134 +134,112 @@ class TestRecover:
             writer.start("ros2", "a library")
             writer.add_metadata("who", {"robot": "rex"})
             schemas = [writer.register_schema(f"s{k}", f"encoding {k}", bytes([k])) for k in (1, 2)]
-            name = writer.register_channel
-            channels = [name(f"/t{k}", f"message {k}", schemas[k % 2], {"k": str(k)}) for k in range(3)]
+            for k in range(3):
+                writer.register_channel(f"/t{k}", f"message {k}", schemas[k % 2], {"k": str(k)})
             for k in range(7):
-                writer.add_message(channels[k % 3], 100 + k, bytes([k]) * 50, 900 - k, 40 + 3 * k)
+                writer.add_message(1 + k % 3, 100 + k, bytes([k]) * 50, 900 - k, 40 + 3 * k)
             writer.finish()
         whole = path.read_bytes()
         path.write_bytes(whole[: whole.rindex(bytes([6]) * 50)])  # the last message is lost
         return path
 
-    def found(self, path: Path) -> Iterator[tuple]:
-        with path.open("rb") as file:
-            for schema, channel, message in make_reader(file).iter_messages():
-                assert schema is not None
-                yield (
-                    (schema.name, schema.encoding, schema.data),
-                    (channel.topic, channel.message_encoding, channel.metadata),
-                    (message.log_time, message.publish_time, message.sequence, message.data),
-                )
-
     def test_a_recovered_log_has_everything_before_the_damage(self, damaged: Path) -> None:
         whole = damaged.with_name("whole.mcap")
         assert recover(damaged, whole) == (6, 0)
-        assert list(self.found(whole)) == [
-            (
-                (f"s{1 + k % 3 % 2}", f"encoding {1 + k % 3 % 2}", bytes([1 + k % 3 % 2])),
-                (f"/t{k % 3}", f"message {k % 3}", {"k": str(k % 3)}),
-                (100 + k, 900 - k, 40 + 3 * k, bytes([k]) * 50),
-            )
-            for k in range(6)
-        ]
         with whole.open("rb") as file:
             reader = make_reader(file)
+            for k, (schema, channel, message) in enumerate(reader.iter_messages()):
+                c, s = k % 3, 1 + k % 3 % 2
+                assert (schema.name, schema.encoding, schema.data) == (f"s{s}", f"encoding {s}", bytes([s]))
+                assert (channel.topic, channel.message_encoding) == (f"/t{c}", f"message {c}")
+                times = message.log_time, message.publish_time, message.sequence
+                assert (channel.metadata, times) == ({"k": str(c)}, (100 + k, 900 - k, 40 + 3 * k))
+                assert message.data == bytes([k]) * 50
             header, summary = reader.get_header(), reader.get_summary()
             assert (header.profile, header.library) == ("ros2", "a library")
             assert [(m.name, m.metadata) for m in reader.iter_metadata()] == [("who", {"robot": "rex"})]
-        assert summary is not None
+        assert k == 5
         assert (len(summary.schemas), len(summary.channels)) == (2, 3)
 
     def test_paths_that_are_the_log_itself_unreadable_or_unwritable_are_refused(self, damaged: Path) -> None:
-        link, before, absent = (
-            damaged.with_name("link.mcap"),
-            damaged.read_bytes(),
-            damaged.with_name("absent"),
-        )
+        before, folder = damaged.read_bytes(), damaged.parent
+        link, absent, whole = (folder / name for name in ("link.mcap", "absent", "whole.mcap"))
         link.symlink_to(damaged)
-        for log, copy in (
-            *((damaged, name) for name in (damaged, link, damaged.parent / "." / damaged.name)),
-            (damaged, absent / "whole.mcap"),
-            (absent, damaged.with_name("whole.mcap")),
-        ):
+        copies = damaged, link, folder / "." / damaged.name, absent / "whole.mcap"
+        for log, copy in (*((damaged, copy) for copy in copies), (absent, whole)):
             with pytest.raises(UserError):
                 recover(log, copy)
         assert damaged.read_bytes() == before
-        assert not damaged.with_name("whole.mcap").exists()
-
-
-# -- output ------------------------------------------------------------------------------------------
-
-
-class Observing(Hold):
-    """A policy with its own observation and action."""
-
-    observed = np.array([1.5, 2.5, 3.5], dtype=np.float32)
-    action = np.array([-0.5, 0.25], dtype=np.float32)
+        assert not whole.exists()
 
 
 START_NS = 1_700_000_000_123_456_789
 
 
-@pytest.fixture
-def log(go1: Robot, tmp_path: Path) -> McapLog:
-    (tmp_path / "run.mcap").write_bytes(b"an older and much longer file" * 10_000)
-    facts = {"seed": 5, "policy": "by another name"}
-    log = McapLog(tmp_path / "run.mcap", go1, Observing(go1), facts, may_wait=True)
+def test_each_number_of_a_step_is_in_its_field(go1: Robot, tmp_path: Path) -> None:
+    """The log replaces an older and longer file."""
+    path, policy = tmp_path / "run.mcap", Hold(go1)
+    path.write_bytes(b"an older and much longer file" * 10_000)
+    policy.observed = np.array([1.5, 2.5, 3.5], dtype=np.float32)  # type: ignore[attr-defined]
+    policy.action = np.array([-0.5, 0.25], dtype=np.float32)  # type: ignore[attr-defined]
+    log = McapLog(path, go1, policy, {"seed": 5, "policy": "by another name"}, may_wait=True)
     log.begin(START_NS)
-    return log
-
-
-def written(path: Path) -> dict[str, list[Any]]:
+    n = np.arange(12.0)
+    command = JointCommand(n, n + 100, n + 200, n + 300, n + 400)
+    upright = np.array([1.0, 0.1, 0.2, 0.3])
+    sensed = Sensed(np.array([1.0, 2, 3]), np.array([4.0, 5, 6]), upright, n + 1, n + 2, n + 3)
+    seen = PolicyInput(0.75, sensed, np.array([0.1, 0.2, 0.3]), np.array([7.0, 8, 9]), 0.31)
+    log.policy_step(1_500_000, seen, command, policy)
+    log.note(1_600_000, "a note")
+    log.order(1_700_000, Order(OrderKind.STOP, "page 2", "stopped by page 2"))
+    log.close()
     found: dict[str, list[Any]] = {}
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, channel, record, message in reader.iter_decoded_messages():
-            found.setdefault(channel.topic, []).append((record.log_time, message))
-    return found
-
-
-class TestWritten:
-    def test_each_number_of_a_step_is_in_its_field(self, go1: Robot, log: McapLog, tmp_path: Path) -> None:
-        n = np.arange(12.0)
-        command = JointCommand(n, n + 100, n + 200, n + 300, n + 400)
-        upright = np.array([1.0, 0.1, 0.2, 0.3])
-        sensed = Sensed(np.array([1.0, 2, 3]), np.array([4.0, 5, 6]), upright, n + 1, n + 2, n + 3)
-        seen = PolicyInput(0.75, sensed, np.array([0.1, 0.2, 0.3]), np.array([7.0, 8, 9]), 0.31)
-        log.policy_step(1_500_000, seen, command, Observing(go1))
-        log.note(1_600_000, "a note")
-        log.order(1_700_000, Order(OrderKind.STOP, "page 2", "stopped by page 2"))
-        log.close()
-        found = written(tmp_path / "run.mcap")
-        assert set(found) == {
-            *("/cmd_vel", "/policy/inputs", "/policy/command", "/policy/observation", "/policy/action"),
-            *("/notes", "/orders", "/rosout", "/robot_description", "/tf_static"),
-        }
-        at_ns = START_NS + 1_500_000_000
-        steps = [topic for topic in found if topic.startswith("/policy/")]
-        assert [found[topic][0][0] for topic in ("/cmd_vel", *steps)] == [at_ns] * 5
-        inputs = [0.75, *range(1, 7), *upright, *(n + 1), *(n + 2), *(n + 3), 0.1, 0.2, 0.3, 7, 8, 9, 0.31]
-        for topic, numbers in (
-            ("/policy/inputs", inputs),
-            ("/policy/command", np.concatenate(command)),
-            ("/policy/observation", Observing.observed),
-            ("/policy/action", Observing.action),
-        ):
-            message = found[topic][0][1]
-            assert list(message.data) == list(numbers)
-            (dimension,) = message.layout.dim
-            assert (dimension.label, dimension.size) == (topic.rpartition("/")[2], len(numbers))
-        twist = found["/cmd_vel"][0][1]
-        assert (twist.header.stamp.sec, twist.header.stamp.nanosec) == (1_700_000_001, 623_456_789)
-        assert (twist.twist.linear.x, twist.twist.linear.y, twist.twist.angular.z) == (0.1, 0.2, 0.3)
-        assert found["/notes"][0][0] == START_NS + 1_600_000_000
-        assert found["/notes"][0][1].data == "a note"
-        stop = {"order": "stop", "by": "page 2", "why": "stopped by page 2"}
-        assert json.loads(found["/orders"][0][1].data) == stop
-        assert json.loads(found["/rosout"][-1][1].msg) == stop
+        for _, channel, entry, message in reader.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append((entry.log_time, message))
+    inputs = [0.75, *range(1, 7), *upright, *(n + 1), *(n + 2), *(n + 3), 0.1, 0.2, 0.3, 7, 8, 9, 0.31]
+    expected = {
+        "/policy/inputs": inputs,
+        "/policy/command": np.concatenate(command),
+        "/policy/observation": policy.observed,  # type: ignore[attr-defined]
+        "/policy/action": policy.action,  # type: ignore[attr-defined]
+    }
+    others = {"/cmd_vel", "/notes", "/orders", "/rosout", "/robot_description", "/tf_static"}
+    assert set(found) == {*expected, *others}
+    for topic, numbers in expected.items():
+        time_ns, message = found[topic][0]
+        assert time_ns == found["/cmd_vel"][0][0] == START_NS + 1_500_000_000
+        assert list(message.data) == list(numbers)
+        (dimension,) = message.layout.dim
+        assert (dimension.label, dimension.size) == (topic.rpartition("/")[2], len(numbers))
+    twist = found["/cmd_vel"][0][1]
+    assert (twist.header.stamp.sec, twist.header.stamp.nanosec) == (1_700_000_001, 623_456_789)
+    assert (twist.twist.linear.x, twist.twist.linear.y, twist.twist.angular.z) == (0.1, 0.2, 0.3)
+    time_ns, note = found["/notes"][0]
+    assert (time_ns, note.data) == (START_NS + 1_600_000_000, "a note")
+    stop = {"order": "stop", "by": "page 2", "why": "stopped by page 2"}
+    assert json.loads(found["/orders"][0][1].data) == json.loads(found["/rosout"][-1][1].msg) == stop
 
 
 NOT_OF_ROS = {"can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"}
+
+
+@given(
+    st.integers(0, 2**31 * 10**9 - 1),
+    st.lists(st.text(st.characters(codec="ascii", exclude_characters="\0"), max_size=9), max_size=5),
+    st.integers(0, 99),
+)
+def test_joint_states_are_the_bytes_of_mcaps_ros_2_library(time_ns: int, names: list[str], seed: int) -> None:
+    kind, numbers = "sensor_msgs/msg/JointState", np.random.default_rng(seed).normal(size=(3, len(names)))
+    expected = {
+        "header": {"stamp": {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}, "frame_id": ""},
+        "name": names,
+        **dict(zip(("position", "velocity", "effort"), numbers.tolist(), strict=True)),
+    }
+    gaps = [row.tobytes() for row in numbers] if names else []
+    encoded = serialize_dynamic(kind, definition(kind))[kind](expected)
+    assert messages.joint_state(tuple(names)).fill(time_ns, *gaps) == encoded
 
 
 def test_definitions_equal_those_of_ros_2() -> None:

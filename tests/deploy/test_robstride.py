@@ -37,10 +37,8 @@ class TestFrames:
         30 N m of a range of 60 are 3/4 of 65535, 0xbfff.
         """
         values = np.array([[-TURNS, TURNS], [33.0, 0.0], [0.0, 5000.0], [5.0, 25.0], [0.0, 30.0]])
-        assert hexed(driver.command(values)) == [
-            ("01800007", "0000 ffff 0000 ffff"),
-            ("01bfff07", "ffff 8000 ffff 4000"),
-        ]
+        expected = [("01800007", "0000 ffff 0000 ffff"), ("01bfff07", "ffff 8000 ffff 4000")]
+        assert hexed(driver.command(values)) == expected
 
     def test_a_reply_is_decoded_as_in_the_manual(self, driver: RobstrideDriver) -> None:
         """Bits 22 and 23 are mode 2, bits 8 to 15 motor 7; the host is 0xfd. 40 degrees are 400, 0x0190."""
@@ -64,23 +62,25 @@ class TestFrames:
 
     def test_enable_disable_clear_and_zero_are_the_manuals_frames(self, driver: RobstrideDriver) -> None:
         """Byte 0 is 1 in a stop (type 4) that clears faults and in type 6."""
-        for frames, identifier, first in (
-            (driver.enable(), "0300fd07", "0000"),
-            (driver.disable(), "0400fd07", "0000"),
-            (driver.clear(), "0400fd07", "0100"),
-            (driver.zero(), "0600fd07", "0100"),
+        for order, identifier, first in (
+            ("enable", "0300fd07", "0000"),
+            ("disable", "0400fd07", "0000"),
+            ("clear", "0400fd07", "0100"),
+            ("zero", "0600fd07", "0100"),
         ):
-            assert hexed(frames) == [(identifier, f"{first} 0000 0000 0000")] * 2
+            assert hexed(getattr(driver, order)()) == [(identifier, f"{first} 0000 0000 0000")] * 2
 
     @pytest.mark.parametrize("end", ["report", "clear", "warning"])
     def test_a_fault_lasts_until_it_is_cleared(self, driver: RobstrideDriver, end: str) -> None:
         word = "0000 0000 0100 0000" if end == "warning" else "0400 0000 0000 0000"
         driver.replies(frame(0x150007FD, word))
+        reply = frame(0x028007FD, "8000 8000 8000 0190")
+        assert bool(driver.replies(reply).error[0]) is (end != "warning")
         if end == "clear":
             driver.clear()
         elif end == "report":
             driver.replies(frame(0x150007FD, "0000 0000 0000 0000"))
-        assert driver.replies(frame(0x028007FD, "8000 8000 8000 0190")).error.tolist() == [0]
+        assert driver.replies(reply).error.tolist() == [0]
 
     def test_replies_pass_the_filters(self, driver: RobstrideDriver) -> None:
         identifiers = (0x028007FD, 0x110007FD, 0x150007FD, 0x150007FE, 0x180007FD)
@@ -88,16 +88,10 @@ class TestFrames:
         assert passes == [True] * 3 + [False] * 2
 
 
-def test_a_question_and_its_answer() -> None:
+def test_simulated_motors_answer_a_query_and_keep_their_faults_when_stopped(driver: RobstrideDriver) -> None:
     assert hexed(RobstrideDriver(TWO).query_settings())[0] == ("1100fd07", "0570 0000 0000 0000")
-    answer = RobstrideMotorEnd(TWO).settings_replies(frame(0x1100FD07, "2870 0000 0000 0000"))
-    assert answer is not None
-    assert hexed(answer) == [("110007fd", "2870 0000 d007 0000")]  # 2000
-
-
-def test_simulated_motors_keep_their_faults_when_they_are_stopped(driver: RobstrideDriver) -> None:
     end = RobstrideMotorEnd(TWO)
+    answer = end.settings_replies(frame(0x1100FD07, "2870 0000 0000 0000"))
+    assert hexed(answer) == [("110007fd", "2870 0000 d007 0000")]  # 2000
     for frames, kind in ((driver.disable(), Request.DISABLE), (driver.clear(), Request.CLEAR)):
-        requests = end.requests(frames)
-        assert requests.kind is not None
-        assert set(requests.kind.tolist()) == {kind}
+        assert set(end.requests(frames).kind.tolist()) == {kind}

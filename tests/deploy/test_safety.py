@@ -1,7 +1,8 @@
-"""The supervisor as a state machine: which signal leads from which mode to which."""
+"""The supervisor as a state machine: which signal leads from which mode to which; its rules as documented."""
 
 import math
 import re
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -9,16 +10,18 @@ import pytest
 
 from footfall.deploy.command_source import Stop
 from footfall.deploy.modes import DAMPED, MOVING, Mode
+from footfall.deploy.rules import rules, table
 from footfall.deploy.safety import PROGRESS, SafetyConfig, State, advance
-from footfall.deploy.safety_checks import CHECKS
+from footfall.deploy.safety_checks import CHECKS, SIGNAL_CHECKS
+from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS
 from footfall.deploy.signals import Implausible, ImuSignals, MotorSignals, Signals
 
+PAGE = (Path(__file__).parents[2] / "docs/safety.md").read_text(encoding="utf-8")
 CONFIG = SafetyConfig()
 FAULTLESS = Signals(5.0, MotorSignals(0.002, "FR_hip_joint (can0, id 1)"), ImuSignals(0.002, 0.1, "gyro"))
-N, C, S, W = Mode.IDLE, Mode.CHECKING, Mode.STANDING, Mode.WALKING
-P, L, R = Mode.STOPPING, Mode.LOWERING, Mode.RELEASING
-U = Mode.RECOVERING
-E, F = Mode.ESTOP, Mode.FALLING
+N, C, S, W, P = Mode.IDLE, Mode.CHECKING, Mode.STANDING, Mode.WALKING, Mode.STOPPING
+L, R, U, E, F = Mode.LOWERING, Mode.RELEASING, Mode.RECOVERING, Mode.ESTOP, Mode.FALLING
+LATE = {"motors.silence_s": 0.062, "time.pause_s": 0.06}
 
 
 def with_changes(signals: Signals, changes: dict[str, Any]) -> Signals:
@@ -46,12 +49,8 @@ def following(state: State, changes: dict[str, Any]) -> State:
 TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEEEE"),
     ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEEEE"),
-    (
-        {"motors.silence_s": 0.062, "time.pause_s": 0.06, "policy.step_s": 0.06},
-        "the policy ran late",
-        "-EEEEEE",
-    ),
-    ({"motors.silence_s": 0.062, "time.pause_s": 0.06}, "the loop paused for 60 ms", "-EEEEEE"),
+    (LATE | {"policy.step_s": 0.06}, "the policy ran late", "-EEEEEE"),
+    (LATE, "the loop paused for 60 ms", "-EEEEEE"),
     ({"motors.silence_s": 0.09, "time.pause_s": 0.01, "policy.step_s": 0.01}, "no reply from", "-EEEEEE"),
     ({"motors.error": "motor x reports y"}, "motor x reports y", "EEEEEEE"),
     ({"imu.tilt_rad": 1.06}, "tilt of 1.06 rad exceeds", "FFFFFF-"),
@@ -72,11 +71,7 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"policy.step_s": math.inf}, "no decision within 70 ms", "E-EEE-E"),
     ({"policy.late_steps": 5}, "5 steps in a row", "E-LLL-E"),
     ({"policy.error": "the policy failed: x"}, "the policy failed: x", "E-LLL-E"),
-    (
-        {"recovery.tried_s": 6.0, "start.not_ready": "motor x is off"},
-        "not standing 6 s after it started",
-        "------F",
-    ),
+    ({"recovery.tried_s": 6.0, "start.not_ready": "motor x is off"}, "not standing 6 s after", "------F"),
     ({"policy.command_finite": False}, "is not finite", "E-LLL-E"),
 ]
 COLUMNS = (N, C, S, W, P, L, U)
@@ -99,12 +94,8 @@ class TestTable:
         assert after(mode, changes).mode is (E if leads_to is L and mode is not L else leads_to)
         state = after(mode, changes, **{"end.may_lie": True})
         assert state.mode is leads_to
-        if not latched:
-            assert state.faults == ()
-        else:
-            assert fault in state.faults[0]
-            assert "\n" not in state.faults[0]
-            assert len(state.faults) == 1
+        assert len(state.faults) == latched
+        assert all(fault in each and "\n" not in each for each in state.faults)
 
     def test_the_table_has_a_row_for_every_rule_except_the_time_to_start(self) -> None:
         """In every mode in which a rule counts, its row leads to a fault."""
@@ -124,28 +115,23 @@ class TestTable:
         changes = {"policy.error": "x", "end.may_lie": True}
         state = after(W, changes)
         assert following(state, changes | {"now_s": 6.0}) == state
-        lies = with_changes(FAULTLESS, changes | {"now_s": 7.0, "posture_done": True})
-        assert advance(state, lies, CONFIG) == State(E, 7.0, state.faults)
+        lies = following(state, changes | {"now_s": 7.0, "posture_done": True})
+        assert lies == State(E, 7.0, state.faults)
 
     def test_a_stop_during_lying_down_is_latched_and_does_not_interrupt(self) -> None:
-        stopped = with_changes(FAULTLESS, {"stop": Stop("stopped by x"), "end.may_lie": True})
-        state = advance(State(L, 4.0), stopped, CONFIG)
-        assert state == State(L, 4.0, ("stopped by x",))  # it continues where it is
-        assert advance(state, stopped, CONFIG) == state
-        done = advance(state, with_changes(stopped, {"posture_done": True}), CONFIG)
-        assert done == State(E, 5.0, ("stopped by x",))
+        stopped = {"stop": Stop("stopped by x"), "end.may_lie": True}
+        state = after(L, stopped)
+        assert state == following(state, stopped) == State(L, 4.0, ("stopped by x",))
+        assert following(state, stopped | {"posture_done": True}) == State(E, 5.0, ("stopped by x",))
 
     @pytest.mark.parametrize("mode", [F, E])
     def test_a_fault_is_latched(self, mode: Mode) -> None:
-        state = advance(State(mode, 4.9, ("why",)), FAULTLESS, CONFIG)
-        assert state == State(mode, 4.9, ("why",))
-        final = advance(state, FAULTLESS._replace(now_s=6.0), CONFIG)
-        assert final == State(mode, 6.0, ("why",), over=True)
-        assert advance(final, FAULTLESS._replace(now_s=99.0), CONFIG) == final
+        state, final = State(mode, 4.9, ("why",)), State(mode, 6.0, ("why",), over=True)
+        assert following(state, {}) == state
+        assert following(state, {"now_s": 6.0}) == following(final, {"now_s": 99.0}) == final
 
     def test_a_fault_precedes_a_request_to_end_and_follows_older_faults(self) -> None:
-        fallen = with_changes(FAULTLESS, {"imu.tilt_rad": 2.0, "end.finish": True})
-        state = advance(State(W, 4.0, ("earlier",)), fallen, CONFIG)
+        state = following(State(W, 4.0, ("earlier",)), {"imu.tilt_rad": 2.0, "end.finish": True})
         assert (state.mode, state.since_s, state.faults[0], len(state.faults)) == (F, 5.0, "earlier", 2)
 
 
@@ -159,23 +145,17 @@ class TestStart:
             ({"start.not_ready": "motor x is off"}, "motor x is off"),
         ],
     )
-    def test_a_silent_part_is_named_after_the_start_timeout(
-        self, changes: dict[str, Any], fault: str
-    ) -> None:
-        early = 0.999 * CONFIG.start_timeout_s
-        assert after(N, changes, now_s=early).mode is N
+    def test_a_silent_part_is_named_after_the_start_timeout(self, changes: Any, fault: str) -> None:
+        assert after(N, changes, now_s=0.999 * CONFIG.start_timeout_s).mode is N
         state = after(N, changes, now_s=CONFIG.start_timeout_s)
         assert state.mode is E
         assert fault in state.faults[0]
 
-    def test_a_robot_that_is_ready_stands_up(self) -> None:
+    def test_a_robot_that_is_ready_stands_up_unless_a_bus_has_a_fault(self) -> None:
+        """The fault of a bus precedes silent motors, or its reason would be missing."""
         assert after(N, STARTED) == State(S, 0.5)
-
-    def test_a_bus_fault_is_reported_while_motors_are_silent(self) -> None:
-        """Without this order the reason would be missing."""
-        silent = STARTED | {"motors.silence_s": 9e9}
-        assert after(N, silent, **{"bus.fault": "bus can2 is bus-off"}).mode is E
-        assert after(N, silent, **{"bus.frames_refused": 3}).mode is E
+        for fault in ({"bus.fault": "bus can2 is bus-off"}, {"bus.frames_refused": 3}):
+            assert after(N, STARTED | {"motors.silence_s": 9e9} | fault).mode is E
 
 
 # Each request in each mode, and the mode to which it leads a robot that can lie down.
@@ -210,40 +190,33 @@ class TestProgress:
         assert state == State(following, since_s)
 
     def test_a_robot_that_lies_down_after_a_fault_keeps_it(self) -> None:
-        at_once = with_changes(FAULTLESS, {"end.skip_lie_down": True})
-        assert advance(State(L, 4.0, ("why",)), at_once, CONFIG) == State(E, 5.0, ("why",))
+        state = following(State(L, 4.0, ("why",)), {"end.skip_lie_down": True})
+        assert state == State(E, 5.0, ("why",))
 
     def test_release_ends_idle_after_damping(self) -> None:
         assert not after(R, since_s=5.0 - 0.5 * CONFIG.damping_s).over
         assert after(R, since_s=5.0 - CONFIG.damping_s) == State(N, 5.0, over=True)
 
 
-NO_CONSENT = {"recovery.allowed": False}
 LIES = {"recovery.allowed": True, "recovery.ready": True, "imu.tilt_rad": 2.0}  # still, with consent
-LEAST_S, LIMITS = CONFIG.damping_s, CONFIG.recovery
+FELL, LIMITS = State(F, 4.0, ("fell",)), CONFIG.recovery
 
 
 class TestGettingUp:
     def test_a_robot_that_lies_still_gets_up_with_consent_once_it_was_damped(self) -> None:
-        fallen = State(F, 4.0, ("fell",), tries=1)
+        fallen = FELL._replace(tries=1)
         assert following(fallen, LIES) == State(U, 5.0, ("fell",), tries=2)
-        for changes in ({"now_s": 3.9 + LEAST_S}, {"recovery.ready": False}):
+        for changes in ({"now_s": 3.9 + CONFIG.damping_s}, {"recovery.ready": False}):
             assert following(fallen, LIES | changes) == fallen
 
     def test_without_consent_or_tries_the_robot_stays_down(self) -> None:
-        end = State(F, 5.0, ("fell",), over=True)
-        assert following(State(F, 4.0, ("fell",)), LIES | NO_CONSENT) == end
-        spent = State(F, 4.0, ("fell",), tries=LIMITS.tries)
-        assert following(spent, LIES).over
+        assert following(FELL, LIES | {"recovery.allowed": False}) == State(F, 5.0, ("fell",), over=True)
+        assert following(FELL._replace(tries=LIMITS.tries), LIES).over
 
-    def test_a_robot_that_never_rests_stays_down_with_a_second_fault(self) -> None:
-        changes = LIES | {"recovery.ready": False, "now_s": 4.0 + LIMITS.wait_s}
-        state = following(State(F, 4.0, ("fell",)), changes)
+    def test_a_robot_that_never_rests_or_has_a_fault_stays_down_with_a_second_fault(self) -> None:
+        state = following(FELL, LIES | {"recovery.ready": False, "now_s": 4.0 + LIMITS.wait_s})
         assert (state.mode, state.over, len(state.faults)) == (F, True, 2)
-
-    def test_a_fault_keeps_the_robot_down(self) -> None:
-        state = following(State(F, 4.0, ("fell",)), LIES | {"motors.error": "x"})
-        assert state == State(E, 5.0, ("fell", "x"))
+        assert following(FELL, LIES | {"motors.error": "x"}) == State(E, 5.0, ("fell", "x"))
 
     def test_standing_up_clears_the_fault_and_walking_clears_the_tries(self) -> None:
         up = State(U, 4.0, ("fell",), tries=2)
@@ -251,8 +224,7 @@ class TestGettingUp:
         walks = following(State(S, 4.0, tries=2), {"posture_done": True})
         assert walks == State(W, 5.0, tries=2)
         for walked_s, tries in ((0.9 * LIMITS.same_fall_s, 2), (1.1 * LIMITS.same_fall_s, 0)):
-            tips = with_changes(FAULTLESS, {"imu.tilt_rad": 2.0, "now_s": 5.0 + walked_s})
-            assert advance(walks, tips, CONFIG).tries == tries
+            assert following(walks, {"imu.tilt_rad": 2.0, "now_s": 5.0 + walked_s}).tries == tries
 
     def test_the_end_of_the_run_leaves_the_robot_down(self) -> None:
         up = State(U, 4.0, ("fell",), tries=1)
@@ -279,28 +251,39 @@ def test_a_limit_itself_passes(name: str, limit: float) -> None:
 
 
 def test_the_guard_waits_for_the_longer_limit() -> None:
-    assert SafetyConfig(late_limit_s=0.03, pause_limit_s=0.05, guard_share=1.2).guard_after_s == 0.06
-    assert SafetyConfig(late_limit_s=0.05, pause_limit_s=0.03, guard_share=1.2).guard_after_s == 0.06
+    for late_s, pause_s in ((0.03, 0.05), (0.05, 0.03)):
+        config = SafetyConfig(late_limit_s=late_s, pause_limit_s=pause_s, guard_share=1.2)
+        assert config.guard_after_s == 0.06
 
 
-def test_the_documented_diagram_has_the_transitions_of_the_tables() -> None:
-    page = (Path(__file__).parents[2] / "docs/safety.md").read_text(encoding="utf-8")
-    drawn = set(re.findall(r"^    ([A-Z]+) --> ([A-Z]+):", page, re.MULTILINE))
-    faults = {(mode, check.leads_to) for check in CHECKS for mode in check.modes}
-    # a fault that would end the next mode at once also prevents the change to that mode
-    faults |= {
-        (mode, check.leads_to)
-        for mode, (_, following) in PROGRESS.items()
-        for check in CHECKS
-        if following in check.modes
-    }
-    faults |= {(mode, check.leads_to) for mode in (N, S) for check in CHECKS if C in check.modes}
-    progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
-    faults |= {(F, E)}  # the same, for a robot that may get up
-    faults -= {(N, L), (U, L)}  # a robot without stiffness, or on its back, does not lie down
-    faults -= {(L, L)}  # a stop is latched while it continues to lie down
-    progress |= {(N, C), (S, C), (C, W)}  # with a wiring check
-    progress |= {(F, U)}  # with consent
-    end = {(mode, R) for mode in Mode if mode not in (*DAMPED, U)} | {(W, P), (S, L), (C, L), (U, F)}
-    assert drawn == faults | progress | end | {(R, N)}
-    assert set(MOVING) == {S, W, P}
+class TestDocumentation:
+    def test_the_page_has_the_rules_and_each_rule_its_own_text_and_consequence(self) -> None:
+        shown = PAGE.partition("<!-- rules -->\n")[2].partition("<!-- /rules -->")[0].strip()
+        assert shown == table(), "python -m footfall.deploy.rules prints it anew"
+        all_rules = {rule.quantity: rule for rule in rules()}
+        assert len(all_rules) == len(rules()) > len(SIGNAL_CHECKS) + len(JOINT_CHECKS) + len(BODY_CHECKS)
+        assert {check.leads_to for check in (*CHECKS, *JOINT_CHECKS, *BODY_CHECKS)} == {E, F, L}
+        assert all(rule.limit and rule.consequence for rule in rules())
+        limit = "`speed_share` 1.5 × `no_load_speed_rad_s`"
+        velocity = (limit, "`safety.sensors`, `motors` in robot.yaml", "ESTOP")
+        assert all_rules["a joint's velocity"][1:] == velocity
+
+    def test_every_limit_is_a_field_of_the_settings(self) -> None:
+        settings = {name.partition(".")[0] for check in CHECKS for name in check.limits}
+        assert settings <= {field.name for field in fields(SafetyConfig)}
+
+    def test_the_diagram_has_the_transitions_of_the_tables(self) -> None:
+        drawn = set(re.findall(r"^    ([A-Z]+) --> ([A-Z]+):", PAGE, re.MULTILINE))
+        progress = {(mode, following) for mode, (_, following) in PROGRESS.items()}
+        # a fault that would end the next mode at once also prevents the change to that mode
+        before = progress | {(N, C), (S, C)}
+        faults = {(mode, check.leads_to) for check in CHECKS for mode in check.modes}
+        faults |= {(mode, check.leads_to) for mode, to in before for check in CHECKS if to in check.modes}
+        faults |= {(F, E)}  # the same, for a robot that may get up
+        faults -= {(N, L), (U, L)}  # a robot without stiffness, or on its back, does not lie down
+        faults -= {(L, L)}  # a stop is latched while it continues to lie down
+        progress |= {(N, C), (S, C), (C, W)}  # with a wiring check
+        progress |= {(F, U)}  # with consent
+        end = {(mode, R) for mode in Mode if mode not in (*DAMPED, U)} | {(W, P), (S, L), (C, L), (U, F)}
+        assert drawn == faults | progress | end | {(R, N)}
+        assert set(MOVING) == {S, W, P}

@@ -1,14 +1,19 @@
-"""Checks of joint readings: travel by positions and by velocities, commanded and reported torques."""
+"""Checks of joint readings, their torques, and their links: lost, frozen, replayed and ignored frames."""
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
 from sensor_readings import LIMITS, SAMPLE_US, JointReadings, Reading, measured, swing
 
+from footfall.deploy.drivers.imu import Inertial
+from footfall.deploy.sensor_checks import links
+from footfall.deploy.sensor_checks.link_window import LinkSums
 from footfall.deploy.sensor_checks.torque import NoTorque, Opposing, ReplyRepeated, TorqueStuck
-from footfall.deploy.sensor_checks.travel import Drift, Stuck, Wander
+from footfall.deploy.sensor_checks.travel import Creep, Drift, Stuck, Wander
+from footfall.deploy.sensor_checks.unexplained import CommandsIgnored, Unexplained
 from footfall.robots.description import Robot
 
 
@@ -30,17 +35,17 @@ def measured_late(robot: Robot, reading: Reading, late_ms: int, seed: int) -> tu
     return float(largest[0]), float(largest[1])
 
 
+KEPT = math.exp(-0.04 / LIMITS.drift_memory_s)  # of a sum, from one window to the next
+
+
 def test_the_drift_is_a_root_of_squares_minus_a_share(go1: Robot) -> None:
     """1 rad/s without motion count for 22 ms of the first 40 on average. A fifth of 40 mrad passes.
 
     The next ten readings are 40 ms later than these.
     """
-    first = measured(go1, Drift, lambda _: (0.0, 1.0), samples=10)
-    assert first[0] == pytest.approx(0.022 - 0.2 * 0.04)
-    kept = math.exp(-0.04 / LIMITS.drift_memory_s)
-    error, travel = math.sqrt(kept * 0.022**2 + 0.04**2), math.sqrt(kept * 0.04**2 + 0.04**2)
-    second = measured(go1, Drift, lambda _: (0.0, 1.0), samples=20)
-    assert second[0] == pytest.approx(error - 0.2 * travel)
+    error, travel = math.sqrt(KEPT * 0.022**2 + 0.04**2), math.sqrt(KEPT * 0.04**2 + 0.04**2)
+    for samples, drift in ((10, 0.022 - 0.2 * 0.04), (20, error - 0.2 * travel)):
+        assert measured(go1, Drift, lambda _: (0.0, 1.0), samples=samples)[0] == pytest.approx(drift)
 
 
 def test_an_encoder_that_drifts_beside_its_velocity_is_noticed(go1: Robot) -> None:
@@ -49,10 +54,9 @@ def test_an_encoder_that_drifts_beside_its_velocity_is_noticed(go1: Robot) -> No
     The fastest, 1.24 rad/s at the first window, fades likewise: 5 ms of it are the motor's filter's, and
     half of a sample's 4 ms may go unseen.
     """
-    kept = math.exp(-0.04 / LIMITS.drift_memory_s)
-    fastest = 1.5 * math.cos(0.04 * 15.0) * kept**2
+    fastest = 1.5 * math.cos(0.04 * 15.0) * KEPT**2
     wander = measured(go1, Wander, lambda t: (swing(t)[0] + t, swing(t)[1]), samples=30)
-    wandered = kept**2 * 0.022 + kept * 0.04 + 0.04
+    wandered = KEPT**2 * 0.022 + KEPT * 0.04 + 0.04
     assert wander[0] == pytest.approx(wandered - 0.007 * fastest, abs=0.0005)
     assert wander[0] > LIMITS.wander_rad
     assert (wander[1:] == 0.0).all()
@@ -67,10 +71,8 @@ def test_late_frames_of_a_fast_swing_pass(go1: Robot, late_ms: int, seed: int) -
         return 0.25 * np.sin(30.0 * time_s), 7.5 * np.cos(30.0 * time_s)
 
     drift, wander = measured_late(go1, fast, late_ms, seed)
-    assert drift < LIMITS.drift_rad
-    assert wander < LIMITS.wander_rad
-    drift, _ = measured_late(go1, lambda t: (0.1, fast(t)[1]), late_ms, seed)
-    assert drift > LIMITS.drift_rad
+    assert (drift < LIMITS.drift_rad, wander < LIMITS.wander_rad) == (True, True)
+    assert measured_late(go1, lambda t: (0.1, fast(t)[1]), late_ms, seed)[0] > LIMITS.drift_rad
 
 
 @pytest.mark.parametrize("reading", [(0.1, 0.2), (0.0, 0.0)])
@@ -82,16 +84,23 @@ def test_a_stuck_reading_is_noticed_early(go1: Robot, reading: tuple[float, floa
         return (position if velocity else 0.2 * time_s), velocity
 
     stuck, wander = (measured(go1, check, read, samples=30) for check in (Stuck, Wander))
-    kept = math.exp(-0.04 / LIMITS.drift_memory_s)
-    error = 0.0044 * kept**2 + 0.008 * kept + 0.008
+    error = 0.0044 * KEPT**2 + 0.008 * KEPT + 0.008
     assert stuck[0] == pytest.approx(error - 0.007 * velocity, abs=1e-4)
     assert stuck[0] > LIMITS.stuck_rad
     assert wander[0] < LIMITS.wander_rad
     assert (stuck[1:] == 0.0).all()
 
 
-class TestTorqueStuck:
-    """A torque that equals the previous torque while the command changes, relative to the peak torque."""
+@pytest.mark.parametrize("rate", [0.02, -0.05, 0.1])
+def test_an_encoder_that_drifts_slowly_is_noticed_in_seconds(go1: Robot, rate: float) -> None:
+    samples = round(0.08 / abs(rate) / 0.004)
+    creep = measured(go1, Creep, lambda t: (swing(t)[0] + rate * t, swing(t)[1]), samples=samples)
+    assert creep[0] > LIMITS.creep_rad
+    assert measured(go1, Creep, samples=2000).max() < 0.5 * LIMITS.creep_rad
+
+
+class TestTorques:
+    """Torques relative to the peak torque."""
 
     def test_a_stuck_torque_counts_from_its_first_window_to_the_last_but_one(self, go1: Robot) -> None:
         """The command rises by the peak torque a second: 0.04 from each window to the next.
@@ -121,44 +130,193 @@ class TestTorqueStuck:
         """The motor reports the commanded shares of the peak torque; frames are ten times finer."""
         assert all(measured(go1, TorqueStuck, torque=share, samples=n)[0] == 0.0 for n in samples)
 
+    @pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
+    def test_torque_and_command_are_compared_in_size_and_sign(
+        self, go1: Robot, reported: float, opposing: float
+    ) -> None:
+        """Commands alternate between shares of the peak torque; a share of them is reported."""
 
-@pytest.mark.parametrize(("reported", "opposing"), [(1.0, -1.0), (0.5, -0.5), (-1.0, 1.0), (-0.5, 0.5)])
-def test_torque_and_command_are_compared_in_size_and_sign(
-    go1: Robot, reported: float, opposing: float
-) -> None:
-    """Commands alternate between shares of the peak torque; a share of them is reported."""
+        def torque(time_s: float) -> tuple[float, float]:
+            commanded = 0.1 + 0.5 * np.sin(10.0 * time_s)
+            return reported * commanded, commanded
 
-    def torque(time_s: float) -> tuple[float, float]:
-        commanded = 0.1 + 0.5 * np.sin(10.0 * time_s)
-        return reported * commanded, commanded
+        assert measured(go1, Opposing, torque=torque)[0] == pytest.approx(opposing, abs=0.01)
 
-    assert measured(go1, Opposing, torque=torque)[0] == pytest.approx(opposing, abs=0.01)
+    def test_the_time_of_a_limp_motor(self, go1: Robot) -> None:
+        """For 0.2 s a torque is reported and another expected. Between 3 % and 6 % time counts in part."""
+        for torque, no_torque_s in (
+            ((0.01, 0.5), 0.2),
+            ((0.01, 0.045), 0.1),
+            ((0.03, 0.5), 0.0),
+            ((0.0, 0.03), 0.0),
+        ):
+            found_s = measured(go1, NoTorque, torque=lambda _, shares=torque: shares, samples=50)
+            assert found_s[0] == pytest.approx(no_torque_s, abs=1e-12)
+
+    def test_a_repeated_reply_counts_from_the_window_after_the_targets_motion(self, go1: Robot) -> None:
+        """The joint reports no motion and no torque. Its target leaps, perhaps with a window's last tick.
+
+        Only what the next window expects of the leap counts.
+        """
+        stiffness, peak = 50.0, float(go1.motor.peak_torque[0])
+
+        def leap(time_s: float) -> float:
+            return 0.12 * (time_s > 0.119)
+
+        def torque(time_s: float) -> tuple[float, float]:
+            return 0.0, stiffness * leap(time_s) / peak
+
+        for samples, expected in ((30, 0.0), (40, 0.0), (50, 0.12)):
+            more: Any = {"samples": samples, "stiffness": stiffness, "target": leap}
+            value = measured(go1, ReplyRepeated, lambda _: (0.0, 0.0), torque, **more)[0]
+            assert value == pytest.approx(expected)
+
+    def test_a_motor_that_drops_out_intermittently_is_noticed(self, go1: Robot) -> None:
+        """It has no current for a time in each 200 ms. A motor that is weak or reports late is explained."""
+
+        def unexplained(torque: Reading) -> float:
+            return float(measured(go1, Unexplained, torque=torque, samples=500)[0])
+
+        def commanded(time_s: float) -> float:
+            return 0.5 * float(np.sign(np.sin(15.0 * time_s)))
+
+        assert unexplained(lambda t: (0.0 if t % 0.2 < 0.03 else 0.3, 0.3)) > LIMITS.unexplained
+        assert unexplained(lambda t: (0.3, 0.3)) == unexplained(lambda _: (0.3, 0.6)) == 0.0
+        assert unexplained(lambda t: (commanded(max(t - 0.04, 0.004)), commanded(t))) == 0.0
 
 
-@pytest.mark.parametrize(
-    ("reported", "expected", "no_torque_s"),
-    [(0.01, 0.5, 0.2), (0.01, 0.045, 0.1), (0.03, 0.5, 0.0), (0.0, 0.03, 0.0)],
-)
-def test_the_time_of_a_limp_motor(go1: Robot, reported: float, expected: float, no_torque_s: float) -> None:
-    """Torques are shares of the peak torque, for 0.2 s. Between 3 % and 6 % time counts in part."""
-    found = measured(go1, NoTorque, torque=lambda _: (reported, expected), samples=50)
-    assert found[0] == pytest.approx(no_torque_s, abs=1e-12)
+class TestCommandsIgnored:
+    """A joint that swings by 0.1 rad under a target that swings by 0.15 rad."""
+
+    def share(self, go1: Robot, target_of_motor: Callable[[float], float], strength: float = 1.0) -> float:
+        """The check's value after 1.2 s of a motor that pulls to this target with 20 N m/rad."""
+        readings, sent, joints = JointReadings(go1, CommandsIgnored), np.zeros((5, 12)), np.zeros((3, 12))
+        sent[2], sent[3] = 20.0, 0.5
+        readings.begin(0, np.zeros(12, np.int64), joints)
+        for k in range(1, 301):
+            time_s = k * SAMPLE_US * 1e-6
+            position, velocity = swing(time_s)
+            sent[0, 0] = self.target(time_s)
+            torque = strength * (20.0 * (target_of_motor(time_s) - position) - 0.5 * velocity)
+            joints = joints.copy()
+            joints[:, 0] = position, velocity, torque
+            readings.add(k * SAMPLE_US, joints, sent=sent.copy())
+        return float(readings.values[0, 0])
+
+    @staticmethod
+    def target(time_s: float) -> float:
+        return 1.5 * swing(time_s + 0.05)[0]
+
+    def test_an_old_command_is_noticed_and_a_late_or_weak_motor_is_not(self, go1: Robot) -> None:
+        def late(time_s: float) -> float:
+            return self.target(time_s - 0.04)
+
+        assert self.share(go1, lambda _: 0.02) > 0.95
+        assert self.share(go1, self.target) < 0.1
+        assert self.share(go1, late) < 0.1
+        assert self.share(go1, late, strength=0.45) < 0.6 < LIMITS.commands_ignored
+
+    def test_noise_of_a_still_joint_is_no_command(self, go1: Robot) -> None:
+        """The controller holds the joint stiffly, and then only damps it."""
+        readings, sent, rng = JointReadings(go1, CommandsIgnored), np.zeros((5, 12)), np.random.default_rng(0)
+        readings.begin(0, np.zeros(12, np.int64), np.zeros((3, 12)))
+        values = []
+        for k in range(1, 301):
+            sent[2], sent[3] = (200.0, 4.0) if k < 200 else (0.0, 0.5)
+            joints = np.vstack((rng.normal(0.0, [[0.004], [0.4]], (2, 12)), np.zeros((1, 12))))
+            readings.add(k * SAMPLE_US, joints, sent=sent.copy())
+            values.append(readings.values.max())
+        assert max(values) < 0.5 < LIMITS.commands_ignored
 
 
-def test_a_repeated_reply_counts_from_the_window_after_the_targets_motion(go1: Robot) -> None:
-    """The joint reports no motion and no torque. Its target leaps, perhaps with a window's last tick.
+TICKS, LOOKS = 20, 10  # in a window of 40 ms
 
-    Only what the next window expects of the leap counts.
-    """
-    stiffness, peak = 50.0, float(go1.motor.peak_torque[0])
 
-    def leap(time_s: float) -> float:
-        return 0.12 * (time_s > 0.119)
+class Link:
+    """Twelve motors that answer each frame, and an IMU, seen through a check of readings that arrive."""
 
-    def torque(time_s: float) -> tuple[float, float]:
-        return 0.0, stiffness * leap(time_s) / peak
+    def __init__(self, robot: Robot, check: type[links.LinkCheck]) -> None:
+        self.check = check(robot, LIMITS, 0.004)
+        self.sums, self.now_us = LinkSums(answering=True), 0
+        self.replies, self.older = np.zeros(12, np.intp), 0
+        self.latest = 0, reading(0)
+        self.sums.begin(0, self.replies, 0, *self.latest)
 
-    for samples, expected in ((30, 0.0), (40, 0.0), (50, 0.12)):
-        more = {"samples": samples, "stiffness": stiffness, "target": leap}
-        value = measured(go1, ReplyRepeated, lambda _: (0.0, 0.0), torque, **more)[0]  # type: ignore[arg-type]
-        assert value == pytest.approx(expected)
+    def window(
+        self,
+        answers: int = TICKS,
+        imu: Callable[[int], Inertial] | None = None,
+        new: Callable[[int], bool] = lambda _: True,
+        older: int = 0,
+        resting: bool = False,
+    ) -> float:
+        """The check's value after one more window, of motor 3 or of the IMU."""
+        self.replies, self.older = self.replies + TICKS, self.older + older
+        self.replies[3] += answers - TICKS
+        for _ in range(TICKS):
+            self.sums.count_command()
+        for update in range(LOOKS):
+            self.now_us += 4000
+            if new(update):
+                number = self.now_us // 4000
+                self.latest = self.now_us, reading(number) if imu is None else imu(number)
+            self.sums.add(*self.latest)
+        window = self.sums.close(self.now_us, self.replies, self.older, moving=True, resting=resting)
+        value = np.asarray(self.check.measure(window))
+        return float(value[3] if value.ndim else value)
+
+
+def reading(number: int) -> Inertial:
+    """A reading of the IMU that differs for each number."""
+    angle = 0.001 * number
+    turned = float(np.cos(angle)), float(np.sin(angle)), 0.0, 0.0
+    return Inertial((angle, 0.0, 0.0), (0.0, 0.0, 9.81), turned)
+
+
+def limit(check: type[links.LinkCheck]) -> float:
+    return float(getattr(LIMITS, check.limit.setting))
+
+
+def windows_until(check: type[links.LinkCheck], measure: Callable[[], float], most: int = 40) -> int | None:
+    """Number of windows until the value exceeds the limit; None if it never does."""
+    return next((k for k in range(1, most + 1) if measure() > limit(check)), None)
+
+
+class TestLinks:
+    @pytest.mark.parametrize(("lost", "after"), [(1, None), (2, None), (10, 15), (20, 8)])
+    def test_lost_replies_are_noticed_by_their_share(self, go1: Robot, lost: int, after: int | None) -> None:
+        link = Link(go1, links.Unanswered)
+        found = windows_until(links.Unanswered, lambda: link.window(TICKS - lost))
+        assert found is None if after is None else found <= after
+
+    def test_a_second_host_shows_within_a_window_and_late_replies_do_not(self, go1: Robot) -> None:
+        link = Link(go1, links.Answers)
+        assert link.window() == 0.0
+        assert link.window(2 * TICKS) > limit(links.Answers)
+        link = Link(go1, links.Answers)
+        assert max(map(link.window, (TICKS // 2, 3 * TICKS // 2) * 20)) <= limit(links.Answers)
+
+    def test_an_imu_with_gaps_is_noticed(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuLost)
+        assert {link.window(resting=True) for _ in range(20)} == {0.0}
+        assert windows_until(links.ImuLost, lambda: link.window(new=lambda update: update < 9)) is None
+        assert windows_until(links.ImuLost, lambda: link.window(new=lambda update: update < 5)) is not None
+
+    def test_a_reading_that_is_frozen_intermittently_is_noticed(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuFrozen)
+        assert windows_until(links.ImuFrozen, link.window) is None
+        frozen = lambda number: reading(number if number % 10 < 5 else number // 10 * 10 + 5)  # noqa: E731
+        assert windows_until(links.ImuFrozen, lambda: link.window(imu=frozen)) is not None
+
+    def test_samples_out_of_order_are_noticed_and_a_single_sample_is_not(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuOlder)
+        assert link.window(older=1) <= limit(links.ImuOlder)
+        assert windows_until(links.ImuOlder, lambda: link.window(older=10)) is not None
+
+    def test_old_readings_are_noticed_unless_the_base_rests(self, go1: Robot) -> None:
+        link = Link(go1, links.ImuReplayed)
+        assert windows_until(links.ImuReplayed, link.window, most=20) is None
+        assert windows_until(links.ImuReplayed, lambda: link.window(imu=lambda n: reading(n % 50)), 10)
+        link = Link(go1, links.ImuReplayed)
+        for still in (lambda _: reading(0), lambda number: reading(number % 2)):
+            assert windows_until(links.ImuReplayed, lambda imu=still: link.window(imu=imu)) is None

@@ -1,20 +1,22 @@
-"""A session around its loop: signals, interfaces that are released, and defaults."""
+"""A session around its loop: signals, interfaces that are released, wall-clock time, late policies."""
 
 import math
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from types import SimpleNamespace
+from functools import partial
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from deploy_policies import Hold, stand_still
+from deploy_policies import FailingPolicy, Hold, short_episode, slow, stand_still
 from frame_robot import TICK_US, FrameRobot, Notebook
+from multicast import robot_on_multicast
 from relaxed_limits import RELAXED
 
-from footfall import Robot, UserError, load_robot
+from footfall import Robot, UserError, load_robot, run_episode
 from footfall.deploy import drive, session
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.config import DeployConfig
@@ -22,7 +24,6 @@ from footfall.deploy.drivers import imu
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
 from footfall.deploy.fit import check_joint_rate
-from footfall.deploy.loop import ControlLoop
 from footfall.deploy.process_end import ending_on_signals
 from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.session import Session, run_on_interface, run_session
@@ -31,59 +32,31 @@ from footfall.plant.motor_ends.motor_end import Request
 from footfall.policies.contract import Contract
 
 
-class TestSignals:
-    @pytest.fixture
-    def loop(self) -> Any:
-        loop = SimpleNamespace(calls=0)
-        loop.finish = lambda: setattr(loop, "calls", loop.calls + 1)
-        return loop
-
-    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT, signal.SIGUSR1, signal.SIGXCPU])
-    def test_a_signal_asks_for_an_orderly_end(self, loop: Any, number: int) -> None:
-        before = signal.getsignal(number)
-        with ending_on_signals(loop.finish):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT, signal.SIGUSR1, signal.SIGXCPU])
+def test_each_signal_asks_for_an_orderly_end(number: int) -> None:
+    before, finish = signal.getsignal(number), Mock()
+    with ending_on_signals(finish):
+        for count in (1, 2):
             signal.raise_signal(number)
-            assert loop.calls == 1
-            signal.raise_signal(number)  # a second signal
-        assert loop.calls == 2
-        assert signal.getsignal(number) is before
+            assert finish.call_count == count
+    assert signal.getsignal(number) is before
 
 
-class TestInterface:
-    @pytest.fixture
-    def opened(self, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-        """The opened interfaces, and "closed" once they are closed."""
-        found: list[Any] = []
-
-        class Bus:
-            def __init__(self, *given: Any) -> None:
-                found.append(given)
-
-            def close(self) -> None:
-                found.append("closed")
-
-        monkeypatch.setattr("footfall.deploy.interfaces.open_interfaces", Bus)
-        return found
-
-    @pytest.mark.parametrize("fails", [False, True])
-    def test_every_bus_is_opened_and_closed_again(
-        self, go1: Robot, opened: list[Any], monkeypatch: pytest.MonkeyPatch, fails: bool
-    ) -> None:
-        run, handed = Session(stand_still, 1.0), []
-
-        def run_or_fail(*given: Any) -> None:
-            handed.append((given[0], given[1].name, given[3]))
-            if fails:
-                raise RuntimeError("no")
-
-        monkeypatch.setattr(session, "run_session", run_or_fail)
-        with pytest.raises(RuntimeError) if fails else nullcontext():
-            run_on_interface(go1, Hold(go1), "socketcan", run)
-        assert handed == [(go1, "hold", replace(run, stop_inputs=True))]
-        (interface, names, filters), closed = opened
-        assert (interface, closed) == ("socketcan", "closed")
-        assert names == ("can0", "can1", "can2", "can3")
-        assert filters == (*MitDriver.filters, *imu.ImuReader.filters)
+@pytest.mark.parametrize("fails", [False, True])
+def test_every_bus_is_opened_and_closed_again(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch, fails: bool
+) -> None:
+    open_bus, run_bus = Mock(), Mock(side_effect=RuntimeError if fails else None)
+    monkeypatch.setattr("footfall.deploy.interfaces.open_interfaces", open_bus)
+    monkeypatch.setattr(session, "run_session", run_bus)
+    policy, run = Hold(go1), Session(stand_still, 1.0)
+    with pytest.raises(RuntimeError) if fails else nullcontext():
+        run_on_interface(go1, policy, "socketcan", run)
+    filters = (*MitDriver.filters, *imu.ImuReader.filters)
+    open_bus.assert_called_once_with("socketcan", ("can0", "can1", "can2", "can3"), filters)
+    open_bus.return_value.close.assert_called_once_with()
+    assert run_bus.call_args.args[:2] == (go1, policy)
+    assert run_bus.call_args.args[3] == replace(run, stop_inputs=True)
 
 
 @pytest.mark.parametrize("realtime", [False, True])
@@ -100,8 +73,8 @@ def test_wall_clock_runs_are_undisturbed(go1: Robot, monkeypatch: pytest.MonkeyP
     safety = replace(RELAXED.safety, damping_s=0.01)
     config = replace(RELAXED, stand_s=0.01, realtime_priority=42, safety=safety)
     run = Session(stand_still, 0.004, realtime, config=config)
-    log = Notebook()
-    log.close = lambda: ""  # type: ignore[attr-defined]
+    log: Any = Notebook()
+    log.close = lambda: ""
     monkeypatch.setattr(session, "_open_log", lambda *_: log)
     outcome = session.run_session(go1, Hold(go1), FrameRobot(go1), run)  # type: ignore[arg-type]
     assert log.of("note") == ([(0, "not permitted")] if realtime else [])
@@ -110,60 +83,82 @@ def test_wall_clock_runs_are_undisturbed(go1: Robot, monkeypatch: pytest.MonkeyP
 
 
 def test_a_wrong_rate_or_contract_is_refused_before_anything_is_sent(go1: Robot, contract: Contract) -> None:
-    body, policy = FrameRobot(go1), Hold(go1)
-    fast = Session(stand_still, 1.0, False, config=DeployConfig(joint_rate_hz=1600.0))
+    policy, run, body = Hold(go1), Session(stand_still, 1.0, False), FrameRobot(go1)
     with pytest.raises(UserError, match=r"joint_rate_hz .*1600"):
-        session.run_session(go1, policy, body, fast)  # type: ignore[arg-type]
+        run_session(go1, policy, body, replace(run, config=DeployConfig(joint_rate_hz=1600.0)))  # type: ignore[arg-type]
     policy.contract = replace(contract, robot="go2")
     with pytest.raises(UserError, match=r"'hold'.*'go1'.*go2"):
-        session.run_session(go1, policy, body, Session(stand_still, 1.0, False))  # type: ignore[arg-type]
+        run_session(go1, policy, body, run)  # type: ignore[arg-type]
     assert body.sent == []
-
-
-def session_of(**settings: Any) -> Session:
-    config = DeployConfig(stand_s=0.02, safety=SafetyConfig(still_s=0.0, damping_s=0.01))
-    plain = {"command_source": stand_still, "duration_s": 0.03, "realtime": False}
-    return Session(**plain | {"config": config, "lie_down": False} | settings)
 
 
 MANY_ON_CAN2 = {"channel": np.array([0, 0, 1, 2, 2, 2, 2, 3, 3, 3, 1, 1]), "motor_id": np.arange(1, 13)}
 
 
-class TestSession:
-    def test_the_outcome_of_an_orderly_run(self, go1: Robot) -> None:
-        body, ticks = FrameRobot(go1), []
-        shown: list[ControlLoop] = []
+def test_the_outcome_of_an_orderly_run(go1: Robot) -> None:
+    body, display, ticks = FrameRobot(go1), Mock(side_effect=lambda _: nullcontext()), []
+    config = DeployConfig(stand_s=0.02, safety=SafetyConfig(still_s=0.0, damping_s=0.01))
+    run = Session(lambda t: np.array([math.nan, 0.0, 0.0]), 0.03, False, config=config, lie_down=False)
+    run = replace(run, display=display)
+    outcome = run_session(go1, Hold(go1), body, run, lambda loop: ticks.append(loop.now_us))  # type: ignore[arg-type]
+    assert (outcome.final_state, outcome.faults) == ("IDLE", ())
+    assert (outcome.walked_s, outcome.run_s) == pytest.approx((0.032, 0.062))
+    assert len(outcome.compute_ms) == 2
+    assert (outcome.timing["ticks"], outcome.timing["ticks_skipped"]) == (31.0, 0.0)
+    assert outcome.buses == (BusStatistics("can0", 7),)
+    assert outcome.notes == ("a forward command of nan m/s was replaced with 0",)
+    assert ticks == list(range(0, 62_000, TICK_US))
+    display.assert_called_once()
+    assert body.kinds() == [Request.DISABLE] * 12
 
-        def display(loop: ControlLoop) -> Any:
-            shown.append(loop)
-            return nullcontext()
 
-        run = session_of(display=display, command_source=lambda t: np.array([math.nan, 0.0, 0.0]))
-        outcome = run_session(go1, Hold(go1), body, run, lambda loop: ticks.append(loop.now_us))  # type: ignore[arg-type]
-        assert (outcome.final_state, outcome.faults) == ("IDLE", ())
-        assert outcome.walked_s == pytest.approx(0.032)
-        assert outcome.run_s == pytest.approx(0.062)
-        assert len(outcome.compute_ms) == 2
-        assert outcome.timing["ticks_skipped"] == 0.0
-        assert outcome.timing["ticks"] == 31.0
-        assert outcome.buses == (BusStatistics("can0", 7),)
-        assert outcome.notes == ("a forward command of nan m/s was replaced with 0",)
-        assert ticks == list(range(0, 62_000, TICK_US))
-        assert len(shown) == 1
-        assert body.kinds() == [Request.DISABLE] * 12
+@pytest.mark.parametrize(
+    ("robot", "changes", "message"),
+    [
+        ("go1", {}, "3 motors on can0 .* 1234 Hz"),  # at most 135 bits there and as many back
+        ("go1", MANY_ON_CAN2, "4 motors on can2 .* 925 Hz"),
+        ("go1", {"models": ("RS03",) * 12}, "3 motors on can0 .* 1041 Hz"),  # 160 bits there and back
+        ("hexapod", {"models": ("ODrive",) * 18}, "6 motors on can0 .* 456 Hz"),
+    ],
+)
+def test_the_fullest_bus_limits_the_rate(robot: str, changes: dict[str, Any], message: str) -> None:
+    wiring = replace(wiring_of(load_robot(robot)), **changes)
+    fastest_hz = int(message.split()[-2])
+    check_joint_rate(wiring, open_driver(wiring), fastest_hz)
+    with pytest.raises(UserError, match=message):
+        check_joint_rate(wiring, open_driver(wiring), fastest_hz + 1)
+
+
+class TestWallClock:
+    """On the simulated bus, and on python-can's buses without hardware."""
+
+    config = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.4)
+
+    def test_a_run_keeps_to_the_wall_clock(self, go1: Robot) -> None:
+        episode = short_episode(duration_s=0.5, realtime=True, config=self.config)
+        trace = run_episode(go1, Hold(go1), episode)
+        assert trace.final_state == "IDLE"
+        assert trace.wall_s >= trace.run_s - 0.01  # later on a busy machine, never earlier
+        assert trace.run_s >= 0.4 + 0.5 + 0.5  # stand, walk, damp
+        assert trace.timing["lateness_us_max"] >= trace.timing["lateness_us_p50"] > 0.0
 
     @pytest.mark.parametrize(
-        ("robot", "changes", "message"),
+        ("limit", "seconds", "message"),
         [
-            ("go1", {}, "3 motors on can0 .* 1234 Hz"),  # at most 135 bits there and as many back
-            ("go1", MANY_ON_CAN2, "4 motors on can2 .* 925 Hz"),
-            ("go1", {"models": ("RS03",) * 12}, "3 motors on can0 .* 1041 Hz"),  # 160 bits there and back
-            ("hexapod", {"models": ("ODrive",) * 18}, "6 motors on can0 .* 456 Hz"),
+            ({"late_limit_s": 0.1}, 0.15, "ran late: no decision within 100 ms"),
+            ({"late_steps": 5}, 0.03, "5 steps in a row"),
         ],
     )
-    def test_the_fullest_bus_limits_the_rate(self, robot: str, changes: dict[str, Any], message: str) -> None:
-        wiring = replace(wiring_of(load_robot(robot)), **changes)
-        fastest_hz = int(message.split()[-2])
-        check_joint_rate(wiring, open_driver(wiring), fastest_hz)
-        with pytest.raises(UserError, match=message):
-            check_joint_rate(wiring, open_driver(wiring), fastest_hz + 1)
+    def test_late_policies(self, go1: Robot, limit: dict[str, Any], seconds: float, message: str) -> None:
+        config = replace(self.config, safety=replace(RELAXED.safety, **limit))
+        policy = FailingPolicy(go1, 0.1, partial(slow, seconds=seconds))
+        trace = run_episode(go1, policy, short_episode(duration_s=20.0, realtime=True, config=config))
+        assert trace.final_state == "ESTOP"
+        assert message in trace.faults[0]
+
+    def test_the_robot_walks_over_multicast_from_another_process(self, go1: Robot) -> None:
+        run = Session(stand_still, 0.4, config=self.config, lie_down=False)
+        with robot_on_multicast("--duration", "600", "--motor-timeout", f"{RELAXED.motor_timeout_s:g}"):
+            outcome = run_on_interface(go1, Hold(go1), "udp_multicast", run)
+        assert (outcome.faults, outcome.final_state) == ((), "IDLE")
+        assert all(bus.frames_received >= 3 for bus in outcome.buses)

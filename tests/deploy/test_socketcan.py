@@ -5,6 +5,7 @@ import socket
 import struct
 import time
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -28,52 +29,47 @@ def can_frame(identifier: int, data: bytes, length: int | None = None) -> bytes:
 
 
 def batch(*rows: tuple[int, int, bytes]) -> Frames:
-    data = np.array([list(content.ljust(8, b"\0")) for _, _, content in rows], np.uint8)
-    return Frames(
-        np.array([channel for channel, _, _ in rows]),
-        np.array([identifier for _, identifier, _ in rows]),
-        data,
-        np.array([len(content) for _, _, content in rows]),
-    )
+    """Frames of (channel, identifier, data)."""
+    channels, identifiers, contents = zip(*rows, strict=True)
+    data = np.array([list(content.ljust(8, b"\0")) for content in contents], np.uint8)
+    return Frames(np.array(channels), np.array(identifiers), data, np.array([*map(len, contents)]))
 
 
-class Kernel:
+Ends = dict[str, socket.socket]
+
+
+@pytest.fixture
+def ends(monkeypatch: pytest.MonkeyPatch) -> Ends:
     """The other ends of the sockets: datagrams with time stamps, as CAN's raw sockets have them."""
+    ends: Ends = {}
 
-    def __init__(self) -> None:
-        self.ends: dict[str, socket.socket] = {}
-
-    def open(self, name: str, _: Any) -> socket.socket:
-        near, self.ends[name] = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    def open_socket(name: str, _: Any) -> socket.socket:
+        near, ends[name] = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         near.setsockopt(socket.SOL_SOCKET, socketcan_bus.SO_TIMESTAMPNS, 1)
         near.setblocking(False)
         return near
 
-
-@pytest.fixture
-def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
-    kernel = Kernel()
-    monkeypatch.setattr(socketcan_bus, "open_socket", kernel.open)
-    return kernel
+    monkeypatch.setattr(socketcan_bus, "open_socket", open_socket)
+    return ends
 
 
 class TestFrames:
-    def test_each_frame_is_sent_to_its_interface(self, kernel: Kernel) -> None:
+    def test_each_frame_is_sent_to_its_interface(self, ends: Ends) -> None:
         bus = SocketCanBus(("a", "b"), FILTERS)
         sent = batch((1, 0x7FF, b"12345678"), (0, 5, b"abc"), (1, EXTENDED | 0x1234567, b""))
         assert bus.send(sent, 0) == 0
-        assert kernel.ends["a"].recv(100) == can_frame(5, b"abc")
-        assert kernel.ends["b"].recv(100) == can_frame(0x7FF, b"12345678")
-        assert kernel.ends["b"].recv(100) == can_frame(0x8000_0000 | 0x1234567, b"")
+        assert ends["a"].recv(100) == can_frame(5, b"abc")
+        assert ends["b"].recv(100) == can_frame(0x7FF, b"12345678")
+        assert ends["b"].recv(100) == can_frame(0x8000_0000 | 0x1234567, b"")
         assert [(each.name, each.frames_sent) for each in bus.statistics()] == [("a", 1), ("b", 2)]
 
-    def test_waiting_frames_of_all_interfaces_come_in_one_batch(self, kernel: Kernel) -> None:
+    def test_waiting_frames_of_all_interfaces_come_in_one_batch(self, ends: Ends) -> None:
         """Bytes beyond a frame's length are not data."""
         bus = SocketCanBus(("a", "b", "c"), FILTERS)
         assert bus.receive(0) == []
-        kernel.ends["c"].send(can_frame(0x101, b"12345678"))
-        kernel.ends["a"].send(can_frame(0x102, b"xyrubbis", length=2))
-        kernel.ends["a"].send(can_frame(0x8200_01FD, b"abcdefgh"))
+        ends["c"].send(can_frame(0x101, b"12345678"))
+        ends["a"].send(can_frame(0x102, b"xyrubbis", length=2))
+        ends["a"].send(can_frame(0x8200_01FD, b"abcdefgh"))
         (got,) = bus.receive(0)
         assert got.channel.tolist() == [0, 0, 2]
         assert got.id.tolist() == [0x102, EXTENDED | 0x0200_01FD, 0x101]
@@ -82,30 +78,28 @@ class TestFrames:
         assert [each.frames_received for each in bus.statistics()] == [2, 0, 1]
         assert bus.receive(0) == []
 
-    def test_a_frame_has_the_time_at_which_the_kernel_got_it(self, kernel: Kernel) -> None:
+    def test_a_frame_has_the_time_at_which_the_kernel_got_it(self, ends: Ends) -> None:
         bus = SocketCanBus(("a",), FILTERS)
-        kernel.ends["a"].send(can_frame(0x101, b""))
+        ends["a"].send(can_frame(0x101, b""))
         time.sleep(0.02)
-        kernel.ends["a"].send(can_frame(0x101, b""))
+        ends["a"].send(can_frame(0x101, b""))
         (got,) = bus.receive(50_000)
-        assert got.time_us is not None
         early, late = got.time_us.tolist()
-        assert late - early >= 20_000
-        assert early < late <= 50_000
+        assert early + 20_000 <= late <= 50_000
 
 
 class TestFaults:
-    def test_error_frames_set_the_fault_and_are_no_readings(self, kernel: Kernel) -> None:
+    def test_error_frames_set_the_fault_and_are_no_readings(self, ends: Ends) -> None:
         bus = SocketCanBus(("a", "b"), FILTERS)
-        kernel.ends["b"].send(can_frame(0x2000_0000 | 0x088, b"\0\0\x04\0\0\0\0\0"))  # one was sent again
+        ends["b"].send(can_frame(0x2000_0000 | 0x088, b"\0\0\x04\0\0\0\0\0"))  # one was sent again
         assert bus.receive(0) == []
         assert bus.fault() == ""
-        kernel.ends["b"].send(can_frame(0x101, b"reading"))
-        kernel.ends["b"].send(can_frame(0x2000_0000 | 0x040, bytes(8)))
+        ends["b"].send(can_frame(0x101, b"reading"))
+        ends["b"].send(can_frame(0x2000_0000 | 0x040, bytes(8)))
         (got,) = bus.receive(0)
         assert got.id.tolist() == [0x101]
         assert bus.fault().startswith("bus b is bus-off")
-        kernel.ends["b"].send(can_frame(0x2000_0000 | 0x088, bytes(8)))  # an empty one changes nothing
+        ends["b"].send(can_frame(0x2000_0000 | 0x088, bytes(8)))  # an empty one changes nothing
         assert bus.receive(0) == []
         assert bus.fault().startswith("bus b is bus-off")
         assert [(each.errors, each.frames_received) for each in bus.statistics()] == [(0, 0), (3, 1)]
@@ -115,22 +109,14 @@ class TestFaults:
         [(errno.ENETDOWN, "bus b is down: "), (errno.ENODEV, "bus b is down: "), (errno.ENOBUFS, "")],
     )
     def test_a_frame_that_is_refused_is_counted_and_an_interface_that_is_down_is_named(
-        self, kernel: Kernel, number: int, message: str
+        self, ends: Ends, number: int, message: str
     ) -> None:
         bus = SocketCanBus(("a", "b"), FILTERS)
-
-        class Failing:
-            def send(self, _: bytes) -> None:
-                raise OSError(number, "no")
-
-            def recvmsg(self, *_: int) -> None:
-                raise OSError(number, "no")
-
+        failing = Mock(side_effect=OSError(number, "no"))
         bus._sockets[1].close()
-        bus._sockets[1] = Failing()  # type: ignore[call-overload]
+        bus._sockets[1] = Mock(send=failing, recvmsg=failing)
         assert bus.receive(0) == []
-        assert bus.fault().startswith(message)
-        assert bool(bus.fault()) == bool(message)
+        assert bus.fault().startswith(message) if message else bus.fault() == ""
         assert bus.send(batch((1, 1, b""), (0, 1, b""), (1, 2, b"")), 0) == 2
         assert [(each.frames_sent, each.frames_refused) for each in bus.statistics()] == [(1, 0), (0, 2)]
 
@@ -138,33 +124,26 @@ class TestFaults:
 class FakeSocket:
     """Records the calls to a CAN socket."""
 
-    made: list["FakeSocket"] = []  # noqa: RUF012
-
     def __init__(self, *kind: int) -> None:
-        self.kind, self.options, self.closed = kind, {}, False
-        self.made.append(self)
+        self.kind, self.options = kind, dict[tuple[int, int], object]()
+        self.setblocking, self.close = Mock(), Mock()
 
     def setsockopt(self, level: int, option: int, value: object) -> None:
         self.options[level, option] = value
-
-    def setblocking(self, blocking: bool) -> None:
-        self.blocking = blocking
 
     def bind(self, address: tuple[str]) -> None:
         if address == ("broken",):
             raise OSError(errno.ENODEV, "No such device")
         self.address = address
 
-    def close(self) -> None:
-        self.closed = True
-
 
 class TestOpening:
     @pytest.fixture
     def sockets(self, monkeypatch: pytest.MonkeyPatch) -> list[FakeSocket]:
-        monkeypatch.setattr(FakeSocket, "made", [])
-        monkeypatch.setattr(socket, "socket", FakeSocket)
-        return FakeSocket.made
+        """The sockets that are opened."""
+        made: list[FakeSocket] = []
+        monkeypatch.setattr(socket, "socket", lambda *kind: made.append(FakeSocket(*kind)) or made[-1])
+        return made
 
     def test_the_kernel_filters_and_stamps(self, sockets: list[FakeSocket]) -> None:
         """Masks include the bits of 29-bit identifiers and remote frames: none passes for another kind."""
@@ -172,19 +151,17 @@ class TestOpening:
         (opened,) = sockets
         assert opened.kind == (29, 3, 1)  # AF_CAN, SOCK_RAW, CAN_RAW
         assert opened.address == ("can3",)
-        assert opened.blocking is False
+        opened.setblocking.assert_called_once_with(False)
         # SOL_CAN_RAW, CAN_RAW_FILTER
         assert opened.options[101, 1] == struct.pack("=4I", 0x100, 0xC000_0780, 0x8200_0000, 0xDF00_0000)
         assert opened.options[101, 2] == 0x1FFF_FFFF  # every class of error frame
         assert opened.options[socket.SOL_SOCKET, 35] == 1
 
-    def test_a_failure_closes_the_others(
-        self, sockets: list[FakeSocket], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        """The other buses are closed even on a system without CAN."""
+    def test_a_failure_closes_all(self, sockets: list[FakeSocket], monkeypatch: pytest.MonkeyPatch) -> None:
+        """The message names the interface, even on a system without CAN."""
         with pytest.raises(UserError, match="'broken'"):
             SocketCanBus(("can0", "broken"), FILTERS)
-        assert [each.closed for each in sockets] == [True, True]
+        assert [each.close.called for each in sockets] == [True, True]
         monkeypatch.delattr(socket, "AF_CAN")
         with pytest.raises(UserError, match=r"'can0'.*AF_CAN"):
             SocketCanBus(("can0",), FILTERS)

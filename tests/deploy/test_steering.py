@@ -38,87 +38,72 @@ class Steps(Hold):
     def take_up(self, gait: str) -> None: ...
 
 
-class ScriptedSource:
-    """A command source that returns given requests."""
+class Scripted:
+    """Steering of two policies, of which the second has no gaits, by a source whose requests are given."""
 
-    def __init__(self) -> None:
-        self.request = Request(FORWARD)
-        self.stopped: Stop | None = None
+    def __init__(self, robot: Robot) -> None:
+        other = Hold(robot)
+        other.name = "b"
+        self.source: Any = SimpleNamespace(poll=lambda _: self.request, stopped=None)
+        self.steering = Steering(self.source, [Steps(robot), other])
 
-    def poll(self, status: Status) -> Request:
-        return self.request
+    def changes(self, **request: Any) -> list[Change]:
+        self.request = Request(FORWARD, **request)
+        self.steering.poll(0, RUN, follow=True)
+        return self.steering.take_changes()
 
 
 @pytest.fixture
-def source() -> ScriptedSource:
-    return ScriptedSource()
+def scripted(go1: Robot) -> Scripted:
+    return Scripted(go1)
 
 
-@pytest.fixture
-def steering(go1: Robot, source: ScriptedSource) -> Steering:
-    other = Hold(go1)
-    other.name = "b"
-    return Steering(source, [Steps(go1), other])
-
-
-def changes_of(steering: Steering) -> list[Change]:
-    steering.poll(0, RUN, follow=True)
-    return steering.take_changes()
-
-
-def test_changes_are_clipped_noted_and_made_once(steering: Steering, source: ScriptedSource) -> None:
-    source.request = Request(FORWARD, gait="walk", settings={"step_height_m": 0.03, "body_height_m": 9.0})
-    gait, settings = changes_of(steering)
+def test_changes_are_clipped_noted_and_made_once(scripted: Scripted) -> None:
+    gait, settings = scripted.changes(gait="walk", settings={"step_height_m": 0.03, "body_height_m": 9.0})
     assert (gait.gait, settings.settings) == ("walk", {"step_height_m": 0.03, "body_height_m": 0.3})
-    assert len(steering.notes) == 1
-    source.request = Request(FORWARD, gait="walk", settings={"step_height_m": 0.03, "body_height_m": 0.25})
-    assert changes_of(steering) == [Change(settings={"body_height_m": 0.25})]
-    assert changes_of(steering) == []
+    assert len(scripted.steering.notes) == 1
+    lower = {"step_height_m": 0.03, "body_height_m": 0.25}
+    assert scripted.changes(gait="walk", settings=lower) == [Change(settings={"body_height_m": 0.25})]
+    assert scripted.changes(gait="walk", settings=lower) == []
 
 
 @pytest.mark.parametrize(
     "request_",
     [
-        Request(FORWARD, policy="c"),
-        Request(FORWARD, gait="waltz"),
-        Request(FORWARD, settings={"roll_rad": 0.1}),
-        Request(FORWARD, settings={"step_height_m": math.nan}),
+        {"policy": "c"},
+        {"gait": "waltz"},
+        {"settings": {"roll_rad": 0.1}},
+        {"settings": {"step_height_m": math.nan}},
     ],
 )
 def test_unknown_policies_gaits_and_settings_are_refused_with_a_note(
-    steering: Steering, source: ScriptedSource, request_: Request
+    scripted: Scripted, request_: dict[str, Any]
 ) -> None:
-    source.request = request_
-    assert changes_of(steering) == []
-    assert len(steering.notes) == 1
-    assert "\n" not in steering.notes[0]
-    np.testing.assert_array_equal(steering.command, FORWARD)
+    assert scripted.changes(**request_) == []
+    (note,) = scripted.steering.notes
+    assert "\n" not in note
+    np.testing.assert_array_equal(scripted.steering.command, FORWARD)
 
 
-def test_gait_and_settings_wait_for_the_next_policy(steering: Steering, source: ScriptedSource) -> None:
-    source.request = Request(FORWARD, policy="b", gait="walk")
-    assert changes_of(steering) == [Change(policy="b")]
-    steering.serve("b")
-    assert changes_of(steering) == []
-    assert len(steering.notes) == 1  # b has no gaits
-    source.request = Request(FORWARD, policy="a", gait="walk")
-    assert changes_of(steering) == [Change(policy="a")]
-    steering.serve("a")
-    assert changes_of(steering) == [Change(gait="walk")]
+def test_gait_and_settings_wait_for_the_next_policy(scripted: Scripted) -> None:
+    assert scripted.changes(policy="b", gait="walk") == [Change(policy="b")]
+    scripted.steering.serve("b")
+    assert scripted.changes(policy="b", gait="walk") == []
+    assert len(scripted.steering.notes) == 1  # b has no gaits
+    assert scripted.changes(policy="a", gait="walk") == [Change(policy="a")]
+    scripted.steering.serve("a")
+    assert scripted.changes(policy="a", gait="walk") == [Change(gait="walk")]
 
 
-def test_any_behaviour_but_walking_means_a_zero_command(steering: Steering, source: ScriptedSource) -> None:
+def test_any_behaviour_but_walking_means_a_zero_command(scripted: Scripted) -> None:
+    steering = scripted.steering
     for behaviour, lies in ((Behaviour.STAND, False), (Behaviour.LIE_DOWN, True)):
-        source.request = Request(FORWARD, behaviour=behaviour)
-        steering.poll(0, RUN, follow=True)
+        scripted.changes(behaviour=behaviour)
         assert (steering.command.tolist(), steering.lie_down) == ([0.0, 0.0, 0.0], lies)
 
 
-def test_a_stop_is_latched_and_a_damping_stop_replaces_it(steering: Steering, source: ScriptedSource) -> None:
-    assert steering.stop is None
-    source.stopped = Stop("by hand")
-    assert steering.stop == Stop("by hand")
-    source.stopped = None
-    assert steering.stop == Stop("by hand")
-    source.stopped = Stop("again", damp=True)
-    assert steering.stop == Stop("again", damp=True)
+def test_a_stop_is_latched_and_a_damping_stop_replaces_it(scripted: Scripted) -> None:
+    by_hand, again = Stop("by hand"), Stop("again", damp=True)
+    for stopped, latched in ((None, None), (by_hand, by_hand), (None, by_hand), (again, again)):
+        scripted.source.stopped = stopped
+        assert scripted.steering.stop == latched

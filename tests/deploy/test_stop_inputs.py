@@ -2,16 +2,18 @@
 
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import can
-import numpy as np
 import pytest
 from changed_robots import described
 from deploy_policies import Hold, stand_still
 from relaxed_limits import RELAXED
+from some_motors import frame
 
 from footfall import JointCommand, PolicyInput, Robot, UserError, load_robot
 from footfall.deploy.frames import Frames, joined
@@ -27,60 +29,40 @@ from footfall.robots.stop_inputs import StopFrame, StopInputs, StopKey
 FRAME = StopFrame("can1", 0x7F0, heartbeat_s=0.2)
 
 
-def frame(identifier: int, data: bytes, channel: int = 1) -> Frames:
-    content = np.frombuffer(data.ljust(8, b"\0"), np.uint8).reshape(1, 8)
-    return Frames(np.array([channel]), np.array([identifier]), content, np.array([len(data)]))
-
-
-class ScriptedBus:
-    """A bus that hands out given batches."""
-
-    def __init__(self) -> None:
-        self.next: list[Frames] = []
-
-    def receive(self, now_us: int) -> list[Frames]:
-        batches, self.next = self.next, []
-        return batches
-
-
-@pytest.fixture
-def inner() -> ScriptedBus:
-    return ScriptedBus()
+def bus_that_hands_out(batches: Callable[[int], list[Frames]]) -> StopFrameBus:
+    inner: Any = SimpleNamespace(receive=batches)
+    return StopFrameBus(inner, FRAME, 1)
 
 
 @pytest.mark.parametrize(
     ("arrives", "stops"),
     [
-        (frame(0x7F0, b"\1"), True),
-        (frame(0x7F0, b""), True),
-        (joined([frame(5, b"\2"), frame(0x7F0, b"\0"), frame(0x7F0, b"\x80")]), True),
-        (frame(0x7F0, b"\0\1\1"), False),
+        (frame(0x7F0, b"\1", channel=1), True),
+        (frame(0x7F0, b"", channel=1), True),
+        (joined([frame(5, b"\2", 1), frame(0x7F0, b"\0", 1), frame(0x7F0, b"\x80", 1)]), True),
+        (frame(0x7F0, b"\0\1\1", channel=1), False),
         (frame(0x7F0, b"\1", channel=0), False),
-        (frame(0x7F1, b"\1"), False),
+        (frame(0x7F1, b"\1", channel=1), False),
     ],
 )
-def test_a_frame_stops_by_its_first_byte(inner: ScriptedBus, arrives: Frames, stops: bool) -> None:
-    bus = StopFrameBus(inner, FRAME, 1)  # type: ignore[arg-type]
-    inner.next = [arrives]
+def test_a_frame_stops_by_its_first_byte(arrives: Frames, stops: bool) -> None:
+    bus = bus_that_hands_out(lambda now_us: [arrives if now_us == 1000 else frame(0x7F0, b"\0", channel=1)])
     rest = joined(bus.receive(1000))
     assert (bus.stopped is not None) is stops
     stop_frames = (arrives.id == 0x7F0) & (arrives.channel == 1)
     assert rest.id.tolist() == arrives.id[~stop_frames].tolist()  # drivers do not see it
-    inner.next = [frame(0x7F0, b"\0")]
     bus.receive(2000)
     assert (bus.stopped is not None) is stops
 
 
-def test_a_missing_or_silent_heartbeat_stops(inner: ScriptedBus) -> None:
-    for beats, silent_from_us in (([], 0), ([0, 150_000, 300_000], 300_000)):
-        bus = StopFrameBus(inner, FRAME, 1)  # type: ignore[arg-type]
-        for now_us in range(0, 1_000_000, 2000):
-            inner.next = [frame(0x7F0, b"\0")] if now_us in beats else []
-            bus.receive(now_us)
-            if bus.stopped is not None:
-                break
-        assert now_us == silent_from_us + 202_000
-        assert bus.stopped is not None
+@pytest.mark.parametrize(("beats", "silent_from_us"), [([], 0), ([0, 150_000, 300_000], 300_000)])
+def test_a_missing_or_silent_heartbeat_stops(beats: list[int], silent_from_us: int) -> None:
+    bus = bus_that_hands_out(lambda now_us: [frame(0x7F0, b"\0", channel=1)] if now_us in beats else [])
+    for now_us in range(0, 1_000_000, 2000):
+        bus.receive(now_us)
+        if bus.stopped is not None:
+            break
+    assert (bus.stopped is not None, now_us) == (True, silent_from_us + 202_000)
 
 
 def test_bad_stop_inputs_are_refused(go1: Robot, own_folder: Path) -> None:
@@ -123,7 +105,6 @@ class TestKey:
         assert any_key.stopped is None
         os.write(end, event(1, 57, 1) + event(1, 57, 0))
         stop = any_key.stopped
-        assert stop is not None
         assert "57" in stop.reason
         assert any_key.stopped is stop
         any_key.close()
@@ -131,7 +112,6 @@ class TestKey:
         os.write(end, event(1, 30, 1))
         assert space.stopped is None
         os.write(end, event(1, 57, 1))
-        assert space.stopped is not None
         assert space.stopped.damp
         space.close()
 
@@ -139,7 +119,6 @@ class TestKey:
         path = tmp_path / "event0"
         os.mkfifo(path)
         key = StopKeyInput(StopKey(str(path)))
-        assert key.stopped is not None
         assert "is gone" in key.stopped.reason
         key.close()
 
@@ -147,14 +126,12 @@ class TestKey:
 class Presses(Hold):
     """Holds the default pose; after a while the button is pressed."""
 
-    def __init__(self, robot: Robot, button: can.BusABC) -> None:
-        super().__init__(robot)
-        self._button, self._pressed = button, False
+    button: can.BusABC | None
 
     def act(self, inputs: PolicyInput) -> JointCommand:
-        if inputs.time_s > 0.3 and not self._pressed:
-            self._pressed = True
-            self._button.send(can.Message(arbitration_id=0x7F0, data=[1], is_extended_id=False))
+        if inputs.time_s > 0.3 and self.button is not None:
+            self.button.send(can.Message(arbitration_id=0x7F0, data=[1], is_extended_id=False))
+            self.button = None
         return super().act(inputs)
 
 
@@ -162,10 +139,8 @@ def test_a_button_on_the_bus_lays_a_walking_robot_down(go1: Robot) -> None:
     """The buses are virtual, with a simulated robot at their other end."""
     robot = described(go1, stop_inputs=StopInputs(StopFrame("can1", 0x7F0)))
     config = replace(RELAXED, joint_rate_hz=100.0, stand_s=0.2, pose_rate_rad_s=4.0)
-    plant = PlantConfig(motor_timeout_s=RELAXED.motor_timeout_s)
-    with can.Bus(interface="virtual", channel="can1") as button, serving(robot, "virtual", plant):
-        run = Session(stand_still, 20.0, config=config)
-        outcome = run_on_interface(robot, Presses(robot, button), "virtual", run)
+    plant, policy = PlantConfig(motor_timeout_s=RELAXED.motor_timeout_s), Presses(robot)
+    with can.Bus(interface="virtual", channel="can1") as policy.button, serving(robot, "virtual", plant):
+        outcome = run_on_interface(robot, policy, "virtual", Session(stand_still, 20.0, config=config))
     assert outcome.faults == ("stopped by the stop frame 0x7f0 on can1",)
-    assert outcome.final_state == "ESTOP"
-    assert outcome.walked_s < 20.0
+    assert (outcome.final_state, outcome.walked_s < 20.0) == ("ESTOP", True)

@@ -9,12 +9,10 @@ from hypothesis.extra import numpy as arrays
 from reports import report
 
 from footfall.deploy.drivers.choice import open_driver, open_imu
-from footfall.deploy.drivers.driver import Driver
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
-from footfall.plant.motor_ends.motor_end import MotorEnd
 from footfall.robots.actuator import JointCommand, Motor
 from footfall.robots.description import load_robot
 
@@ -23,12 +21,8 @@ WIRING = wiring_of(ROBOT)
 N = 12
 WIRINGS = {
     "go1": WIRING,
-    "stiff": replace(
-        WIRING, models=("MIT-65-500",) * N
-    ),  # frames whose range is ten times the motors' limits
-    "Damiao": replace(WIRING, models=("DM8009",) * N),
-    "RobStride": replace(WIRING, models=("RS03",) * N),
-    "ODrive": replace(WIRING, models=("ODrive",) * N),
+    # A range of MIT-65-500's frames is ten times the motors' limits.
+    **{model: replace(WIRING, models=(model,) * N) for model in ("MIT-65-500", "DM8009", "RS03", "ODrive")},
     "mixed": replace(WIRING, models=("RS03", "DM8009", "ODrive") * 4, motor_id=np.arange(4, 4 + N)),
 }
 FLOAT_ROUNDING = 2.0**-24  # of a number with 24 significant bits, half of the last one
@@ -45,8 +39,7 @@ class Pair:
     """A joint layer that has received readings, and the motors that receive its frames."""
 
     def __init__(self, wiring: Wiring, share: np.ndarray, target: np.ndarray) -> None:
-        self.driver: Driver = open_driver(wiring)
-        self.motors: MotorEnd = open_motor_end(wiring)
+        self.driver, self.motors = open_driver(wiring), open_motor_end(wiring)
         self.layer = JointLayer(ROBOT, self.driver, open_imu(WIRING), 0.002)
         self.motors.requests(self.driver.query_settings())  # which switches ODrives to torque control
         highest = self.driver.highest[[0, 1, 4]]
@@ -54,9 +47,7 @@ class Pair:
         errors = np.zeros(N, np.uint64)
         answers = [self.motors.reply(slice(None), report(reading, errors))]
         for now_us in (0, 1000) if self.motors.broadcasts else ():  # half of the motors at a time
-            frames = self.motors.broadcast(now_us, errors == 0, report(reading, errors))
-            assert frames is not None
-            answers.append(frames)
+            answers.append(self.motors.broadcast(now_us, errors == 0, report(reading, errors)))
         self.layer.absorb(answers, 0)
         self.layer.begin_at(target)
         self.precision = np.array([precision(model) for model in wiring.models]).T
@@ -70,20 +61,13 @@ class Pair:
     def excess(self, frames: Frames) -> np.ndarray:
         """Requested torque beyond the motors' limits, N m, minus the rounding error."""
         sensed, decoded = self.layer.sensed(), self.decoded(frames)
-        error, speed_error = (
-            decoded.position - sensed.joint_position,
-            decoded.velocity - sensed.joint_velocity,
-        )
+        error = decoded.position - sensed.joint_position
+        speed_error = decoded.velocity - sensed.joint_velocity
         torque = decoded.kp * error + decoded.kd * speed_error + decoded.torque
         span = np.where(self.precision > 0.0, self.driver.highest - self.driver.lowest, 0.0)
         position, velocity, kp, kd, torque_quantum = span * self.precision
-        rounding = 0.5 * (
-            kp * (np.abs(error) + position)
-            + kd * (np.abs(speed_error) + velocity)
-            + decoded.kp * position
-            + decoded.kd * velocity
-            + torque_quantum
-        )
+        gain_rounding = kp * (np.abs(error) + position) + kd * (np.abs(speed_error) + velocity)
+        rounding = 0.5 * (gain_rounding + decoded.kp * position + decoded.kd * velocity + torque_quantum)
         lowest, highest = limits(ROBOT.motor, sensed.joint_velocity)
         rounding = rounding + FLOAT_ROUNDING * np.abs(torque)
         return np.maximum(torque - highest, lowest - torque) - rounding * (1 + 1e-9)
@@ -97,10 +81,7 @@ def precision(model: str) -> list[float]:
 
 
 def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest torque that may be requested.
-
-    The current limit, and the supply's line down to no torque.
-    """
+    """Lowest and highest torque that may be requested: the current limit, and the supply's line to zero."""
     line = motor.stall_torque / motor.no_load_speed * velocity
     highest = np.clip(motor.stall_torque - line, 0.0, motor.peak_torque)
     lowest = np.clip(-motor.stall_torque - line, -motor.peak_torque, 0.0)
@@ -132,6 +113,5 @@ def test_damping_is_lowered_only_as_far_as_necessary() -> None:
     """go1's hips and thighs brake with 23.7 N m, its calves with 35.55: 2.37 and 3.0 at 10 rad/s."""
     speed = np.zeros((3, N))
     speed[1] = 10.0 / 50.0  # of a frame's range
-    np.testing.assert_allclose(
-        Pair(WIRING, speed, ROBOT.default_pose).layer.possible_damping(3.0), 4 * [2.37, 2.37, 3.0], rtol=2e-3
-    )
+    damping = Pair(WIRING, speed, ROBOT.default_pose).layer.possible_damping(3.0)
+    np.testing.assert_allclose(damping, 4 * [2.37, 2.37, 3.0], rtol=2e-3)

@@ -30,23 +30,22 @@ NOISE = Noise(joint_position=0.0005, joint_velocity=0.02, gyro=0.005, gravity=0.
 PROOF = [Verdict("", 0.05, 0.1)]
 
 
+Inject = Callable[[FaultInjector], None]
+Motions = Callable[..., None]
+
+
 def checked(
-    robot: Robot,
-    inject: Callable[[FaultInjector], None],
-    lying: bool,
-    proven: list[Verdict] | None = None,
-    sample: Sample | None = None,
-) -> SessionResult:
-    """A short run with a wiring check."""
-    config = replace(deploy_config(robot), joint_rate_hz=250.0)
+    robot: Robot, inject: Inject, lying: bool, sample: Sample | None = None
+) -> tuple[SessionResult, list[Verdict]]:
+    """A short run with a wiring check, and its verdicts if it has passed."""
+    config, verdicts = replace(deploy_config(robot), joint_rate_hz=250.0), list[Verdict]()
     plant = PlantConfig(noise=NOISE, lying=lying, sample=sample or {})
     run = Injected(robot, Hold(robot), plant, config=config)
     inject(run.injector)
-    right = (lambda _: None) if proven is None else proven.extend
-    return run.run(0.1, check_wiring=True, on_wiring_passed=right, lie_down=False)
+    return run.run(0.1, check_wiring=True, on_wiring_passed=verdicts.extend, lie_down=False), verdicts
 
 
-def exchanged(first: str, second: str) -> Callable[[FaultInjector], None]:
+def exchanged(first: str, second: str) -> Inject:
     """Exchange the connectors of two buses."""
 
     def inject(injector: FaultInjector) -> None:
@@ -58,33 +57,18 @@ def exchanged(first: str, second: str) -> Callable[[FaultInjector], None]:
     return inject
 
 
-def motors_exchanged(first: int, second: int) -> Callable[[FaultInjector], None]:
-    """Exchange the addresses of two joints' motors."""
-
-    def inject(injector: FaultInjector) -> None:
-        wiring, order = injector.wiring, np.arange(len(injector.wiring.motor_id))
-        order[[first, second]] = second, first
-        injector.body.rewire(replace(wiring, channel=wiring.channel[order], motor_id=wiring.motor_id[order]))
-
-    return inject
-
-
 @pytest.fixture
-def motions(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+def motions(monkeypatch: pytest.MonkeyPatch) -> Motions:
     """Sets motions and limits of the check."""
-    return lambda **changes: monkeypatch.setattr(
-        check, "WiringCheckConfig", partial(WiringCheckConfig, **changes)
-    )
+    return lambda **to: monkeypatch.setattr(check, "WiringCheckConfig", partial(WiringCheckConfig, **to))
 
 
-def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Callable[..., None]) -> None:
+def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Motions) -> None:
     """Commands act with a delay, as on robots whose bus or computer is slow."""
     motions(alike=0.25, doubtful=0.25, settle_s=0.8, move_s=0.4)
     late: Sample = {"action_delay_s": np.array(0.012)}
-    proven: list[Verdict] = []
-    outcome = checked(go1, lambda _: None, lying=True, proven=proven, sample=late)
+    outcome, proven = checked(go1, lambda _: None, lying=True, sample=late)
     assert (outcome.final_state, outcome.faults) == ("IDLE", ())
-    assert len(proven) == 2
     lying, standing = (verdict.joint_error for verdict in proven)
     assert lying < 0.25
     assert standing < 0.05  # legs that stood up do not pull at each other
@@ -99,26 +83,28 @@ def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Callable[..
     ],
 )
 def test_wrong_wiring_is_named_before_the_robot_walks(
-    go1: Robot,
-    motions: Callable[..., None],
-    inject: Callable[[FaultInjector], None],
-    lying: bool,
-    names: list[str],
+    go1: Robot, motions: Motions, inject: Inject, lying: bool, names: list[str]
 ) -> None:
     motions(settle_s=0.6, move_s=0.2)
-    outcome = checked(go1, inject, lying)
-    assert outcome.final_state == "ESTOP"
-    assert outcome.walked_s == 0.0
+    outcome, _ = checked(go1, inject, lying)
+    assert (outcome.final_state, outcome.walked_s) == ("ESTOP", 0.0)
     assert all(name in outcome.faults[0] for name in names), outcome.faults
 
 
-def test_exchanged_motors_of_a_biped_are_named(motions: Callable[..., None]) -> None:
+def test_exchanged_motors_of_a_biped_are_named(motions: Motions) -> None:
     """The two motors' ranges differ, so each torque is read in the other's range."""
     motions(settle_s=0.5, move_s=0.2)
-    g1, yaw, other = load_robot("g1"), "left_hip_yaw_joint", "left_ankle_roll_joint"
-    outcome = checked(g1, motors_exchanged(g1.joint_names.index(yaw), g1.joint_names.index(other)), False)
+    g1, names = load_robot("g1"), ["left_hip_yaw_joint", "left_ankle_roll_joint"]
+
+    def inject(injector: FaultInjector) -> None:
+        wiring, order = injector.wiring, np.arange(len(injector.wiring.motor_id))
+        yaw, roll = map(g1.joint_names.index, names)
+        order[[yaw, roll]] = roll, yaw
+        injector.body.rewire(replace(wiring, channel=wiring.channel[order], motor_id=wiring.motor_id[order]))
+
+    outcome, _ = checked(g1, inject, lying=False)
     assert outcome.final_state == "ESTOP"
-    assert all(name in outcome.faults[0] for name in (yaw, other, "exchanged")), outcome.faults
+    assert all(name in outcome.faults[0] for name in (*names, "exchanged")), outcome.faults
 
 
 @pytest.mark.parametrize(("slipping", "tilt", "named"), [(9, 0.1, True), (9, 0.3, True), (7, 0.1, False)])

@@ -46,13 +46,11 @@ def topics_seen(viewer: ClientConnection, expected: set[str], beat: Callable[[],
 
 
 def test_a_late_viewer_gets_the_robot_and_its_readings_and_cannot_steer(go1: Robot, tmp_path: Path) -> None:
-    port, feed = free_port(), tmp_path / "feed"
-    still = np.zeros(3)
-    sensed = Sensed(still, still, np.array([1.0, 0.0, 0.0, 0.0]), go1.default_pose, *np.zeros((2, 12)))
+    port, feed, ticks = free_port(), tmp_path / "feed", itertools.count()
+    sensed = Sensed(*np.zeros((2, 3)), np.eye(4)[0], go1.default_pose, *np.zeros((2, 12)))
     health = MotorHealth(np.zeros(13), *np.zeros((3, 12)))
     log = McapLog(tmp_path / "run.mcap", go1, Hold(go1), {}, may_wait=True, feed=feed)
     log.begin(10**18)
-    ticks = itertools.count()
 
     def beat() -> None:
         log.tick(2000 * next(ticks), sensed, health, None)
@@ -64,8 +62,7 @@ def test_a_late_viewer_gets_the_robot_and_its_readings_and_cannot_steer(go1: Rob
             pass
         with connect(address, subprotocols=["foxglove.sdk.v1"], max_size=None) as viewer:
             hello = json.loads(viewer.recv(timeout=WAIT_S))
-            assert hello["op"] == "serverInfo"
-            assert hello["capabilities"] == []  # a viewer cannot send anything
+            assert (hello["op"], hello["capabilities"]) == ("serverInfo", [])  # a viewer cannot send anything
             expected = {"/robot_description", "/tf_static", "/joint_states"}
             assert topics_seen(viewer, expected, beat) == expected
     assert log.close() == ""

@@ -3,7 +3,6 @@
 import os
 import struct
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -26,29 +25,22 @@ class Device:
         self.plug()
 
     def plug(self) -> None:
-        self._reader = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK)  # so that it opens for writing
-        self._file = os.open(self.path, os.O_WRONLY)
+        reader = os.open(self.path, os.O_RDONLY | os.O_NONBLOCK)  # so that it opens for writing
+        self._ends = os.open(self.path, os.O_WRONLY), reader
 
     def unplug(self) -> None:
-        os.close(self._file)
-        os.close(self._reader)
+        for end in self._ends:
+            os.close(end)
 
     def send(self, *events: tuple[int, int, int]) -> None:
         """Events of (type, number, value)."""
         for kind, number, value in events:
-            os.write(self._file, struct.pack("=IhBB", 0, value, kind, number))
+            os.write(self._ends[0], struct.pack("=IhBB", 0, value, kind, number))
 
 
-@pytest.fixture
-def device(tmp_path: Path) -> Iterator[Device]:
-    device = Device(tmp_path / "js0")
-    yield device
-    device.unplug()
-
-
-def test_a_gamepad_steers_with_its_dead_man_button_and_sends_nothing_when_unplugged(device: Device) -> None:
+def test_a_gamepad_steers_with_its_dead_man_button_and_sends_nothing_when_unplugged(tmp_path: Path) -> None:
+    device, inbox = Device(tmp_path / "js0"), Inbox()
     config = GamepadConfig(str(device.path), dead_zone=0.1, expo=0.0, speed_share=1.0, rate_hz=100.0)
-    inbox = Inbox()
     inbox.poll(WALKING)
     with steered_by_gamepad(inbox, abilities, config) as opened:
         device.send((BUTTON | INITIAL, DEAD_MAN, 1), (AXIS | INITIAL, 1, -32767))
@@ -70,6 +62,7 @@ def test_a_gamepad_steers_with_its_dead_man_button_and_sends_nothing_when_unplug
         device.send((AXIS | INITIAL, 1, -32767), (BUTTON, DEAD_MAN, 1), (BUTTON, STOP, 1))
         polled_until(inbox, lambda r: r.velocity.any())
         assert inbox.stopped is not None
+    device.unplug()
 
 
 def test_dead_zone_and_expo_keep_ends_and_middle() -> None:
@@ -80,6 +73,6 @@ def test_dead_zone_and_expo_keep_ends_and_middle() -> None:
 
 
 def test_a_missing_device_is_refused(tmp_path: Path) -> None:
-    config = GamepadConfig(str(tmp_path / "none"))
-    with pytest.raises(UserError), steered_by_gamepad(Inbox(), abilities, config):
+    missing = GamepadConfig(str(tmp_path / "none"))
+    with pytest.raises(UserError), steered_by_gamepad(Inbox(), abilities, missing):
         pass

@@ -1,4 +1,4 @@
-"""Requests of operators: the owner of control, refusals, silence, and stops."""
+"""Requests of operators: the owner of control, refusals, silence, stops, and another source's run."""
 
 import math
 from typing import Any
@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from fake_time import Watch
 
-from footfall.deploy.command_source import UNKNOWN_POSE, Behaviour, Offer, Status
+from footfall.deploy.command_source import UNKNOWN_POSE, Behaviour, Offer, Scheduled, Status
 from footfall.deploy.modes import Mode
+from footfall.operate.accompanied import Accompanied
 from footfall.operate.inbox import Inbox, InboxConfig
 from footfall.policies.live_settings import Span
 
@@ -60,38 +61,27 @@ def test_getting_up_is_requested_after_each_fall_or_refused(inbox: Inbox) -> Non
     assert inbox.poll(fallen).behaviour is Behaviour.WALK
 
 
+WRONG_VELOCITIES = (
+    *([math.nan, 0, 0], [0.1, 0.2], "fast", {"x": 1}),
+    *([True, 0, 0], ["0.3", "0", "0"], [10**400, 0, 0], [1e9, 0, 0]),
+)
+WRONG_HEIGHTS = math.inf, math.nan, 10**400, True, "0.1"
+
+
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"velocity": [math.nan, 0, 0]},
-        {"velocity": [0.1, 0.2]},
-        {"velocity": "fast"},
-        {"velocity": {"x": 1}},
-        {"velocity": [True, 0, 0]},
-        {"velocity": ["0.3", "0", "0"]},
-        {"velocity": [10**400, 0, 0]},
-        {"velocity": [1e9, 0, 0]},
-        {"behaviour": "fly"},
-        {"behaviour": []},
-        {"policy": "mpc"},
-        {"policy": 7},
-        {"gait": "bound"},
-        {"settings": {"step_height_m": math.inf}},
-        {"settings": {"step_height_m": math.nan}},
-        {"settings": {"step_height_m": 10**400}},
-        {"settings": {"step_height_m": True}},
-        {"settings": {"step_height_m": "0.1"}},
-        {"settings": {"weight": 1.0}},
-        {"settings": {3: 1.0}},
-        {"settings": [0.1]},
+        *({"velocity": velocity} for velocity in WRONG_VELOCITIES),
+        *({"behaviour": "fly"}, {"behaviour": []}, {"policy": "mpc"}, {"policy": 7}, {"gait": "bound"}),
+        *({"settings": {"step_height_m": height}} for height in WRONG_HEIGHTS),
+        *({"settings": {"weight": 1.0}}, {"settings": {3: 1.0}}, {"settings": [0.1]}),
     ],
 )
 def test_a_bad_request_is_refused_in_one_line_and_changes_nothing(inbox: Inbox, wrong: Any) -> None:
     inbox.put("page", velocity=[0.1, 0, 0])
     before = inbox.poll(WALKING)
     refused = inbox.put("page", **({"velocity": [0.9, 0, 0]} | wrong))
-    assert refused
-    assert "\n" not in refused
+    assert "\n" not in refused != ""
     assert inbox.poll(WALKING) is before
 
 
@@ -120,8 +110,7 @@ def test_a_silent_operator_stops_the_robot_and_later_lays_it_down(inbox: Inbox, 
     assert inbox.poll(WALKING).velocity[0] == 0.2
     watch.now_s += 3.01
     end = inbox.poll(WALKING)
-    assert (end.behaviour, end.velocity[0]) == (Behaviour.LIE_DOWN, 0.0)
-    assert end.owner == ""  # requested by the run itself
+    assert (end.behaviour, end.velocity[0], end.owner) == (Behaviour.LIE_DOWN, 0.0, "")  # by the run itself
     assert "page" in end.note
     inbox.put("page", velocity=[0.2, 0, 0])
     assert inbox.poll(WALKING).behaviour is Behaviour.LIE_DOWN
@@ -132,9 +121,19 @@ def test_anyone_stops_the_robot_and_stopping_again_damps_it(inbox: Inbox) -> Non
     assert inbox.stopped is None
     inbox.stop("watcher", "child ahead\nrun")
     stop = inbox.stopped
-    assert stop is not None
-    assert stop.by == "watcher"
-    assert (stop.damp, "watcher" in stop.reason, "\n" in stop.reason) == (False, True, False)
+    assert (stop.by, stop.damp, "\n" in stop.reason) == ("watcher", False, False)
+    assert "watcher" in stop.reason
     inbox.stop("watcher")
-    assert inbox.stopped is not None
     assert inbox.stopped.damp
+
+
+def test_beside_another_source_operators_see_and_stop_the_run_but_do_not_steer_it() -> None:
+    inbox = Inbox()
+    source = Accompanied(Scheduled(lambda _: np.array([0.3, 0.0, 0.0])), inbox)
+    inbox.take_over("page")
+    inbox.put("page", velocity=[-0.5, 0.0, 0.0])
+    assert source.poll(WALKING).velocity.tolist() == [0.3, 0.0, 0.0]
+    assert inbox.status is WALKING
+    assert source.stopped is None
+    inbox.stop("page")
+    assert source.stopped is not None

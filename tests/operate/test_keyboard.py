@@ -10,6 +10,7 @@ import pytest
 from walking_run import WALKING, abilities, polled_until
 
 from footfall.common.errors import UserError
+from footfall.deploy.command_source import Status
 from footfall.operate.inbox import Inbox
 from footfall.operate.keyboard import Keyboard, KeyboardConfig, steered_by_keyboard
 from footfall.operate.operator import Operator
@@ -19,38 +20,36 @@ QUICK = KeyboardConfig(speed_share=0.5, first_s=1.0, again_s=0.1, rate_hz=100.0)
 
 
 @pytest.fixture
-def terminal() -> Iterator[tuple[int, int]]:
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[int, int]]:
     """Both ends of a terminal: the user's end, and the end of a program that controls the terminal."""
+    monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp())  # the tests' process does not control it
     person, program = pty.openpty()
     yield person, program
     os.close(person)
     os.close(program)
 
 
-@pytest.fixture(autouse=True)
-def in_front(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The tests' process does not control the terminal."""
-    monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp())
+def keyboard_of(inbox: Inbox, config: KeyboardConfig, status: Status = WALKING) -> Keyboard:
+    inbox.poll(status)
+    return Keyboard(Operator("keyboard", inbox, abilities), config)
 
 
 def test_a_key_is_held_for_as_long_as_it_is_repeated() -> None:
     inbox = Inbox()
-    inbox.poll(WALKING)
-    keyboard = Keyboard(Operator("keyboard", inbox, abilities), KeyboardConfig(1.0, first_s=0.7, again_s=0.2))
-
-    def forward(keys: str, now_s: float) -> float:
+    keyboard = keyboard_of(inbox, KeyboardConfig(1.0, first_s=0.7, again_s=0.2))
+    for keys, now_s, velocity in (
+        ("w", 0.0, 1.0),
+        ("", 0.6, 1.0),  # a terminal repeats after a delay
+        ("w", 0.65, 1.0),
+        ("", 0.8, 1.0),
+        ("", 0.9, 0.0),
+        ("s", 1.0, -0.5),
+        ("w", 1.1, 1.0),  # the last key counts
+        (" ", 1.2, 0.0),
+    ):
         keyboard.press(list(keys), now_s)
         keyboard.request_velocity(now_s)
-        return float(inbox.poll(WALKING).velocity[0])
-
-    assert forward("w", 0.0) == 1.0
-    assert forward("", 0.6) == 1.0  # a terminal repeats after a delay
-    assert forward("w", 0.65) == 1.0
-    assert forward("", 0.8) == 1.0
-    assert forward("", 0.9) == 0.0
-    assert forward("s", 1.0) == -0.5
-    assert forward("w", 1.1) == 1.0  # the last key counts
-    assert forward(" ", 1.2) == 0.0
+        assert inbox.poll(WALKING).velocity[0] == velocity, now_s
 
 
 def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> None:
@@ -79,20 +78,16 @@ def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> 
 
 
 def test_keys_change_the_gait_from_the_one_that_the_robot_has() -> None:
-    gaits = ("trot", "ripple", "wave")
-    status = WALKING._replace(offer=WALKING.offer._replace(gaits=gaits), applied=Applied("ripple"))
-    inbox = Inbox()
-    inbox.poll(status)
-    keyboard = Keyboard(Operator("keyboard", inbox, abilities), QUICK)
+    offer = WALKING.offer._replace(gaits=("trot", "ripple", "wave"))
+    inbox, status = Inbox(), WALKING._replace(offer=offer, applied=Applied("ripple"))
+    keyboard = keyboard_of(inbox, QUICK, status)
     for expected in ("wave", "trot", "ripple"):  # the second key comes before the first change is complete
         keyboard.press(["g"], 0.0)
         assert inbox.poll(status).gait == expected
 
 
 def test_input_that_is_not_a_terminal_is_refused() -> None:
-    with (
-        open(os.devnull, encoding="utf-8") as file,
-        pytest.raises(UserError),
-        steered_by_keyboard(Inbox(), abilities, QUICK, file.fileno()),
-    ):
-        pass
+    with open(os.devnull, encoding="utf-8") as file:
+        refused = pytest.raises(UserError)
+        with refused, steered_by_keyboard(Inbox(), abilities, QUICK, file.fileno()):
+            pass

@@ -1,7 +1,8 @@
-"""Missions on a robot that follows commands with a lag: their goals, and when they give up."""
+"""Missions: their goals, refusals and when they give up, on a robot with a lag and on the simulated robot."""
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,17 @@ import pytest
 from refused import refusal_of
 from walking_run import LIMITS, WALKING, abilities
 
+from footfall import Episode, Robot, UserError, load_policy, run_episode
+from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.command_source import Behaviour, Pose, Request
+from footfall.deploy.config import deploy_config
+from footfall.operate.abilities import abilities_of
 from footfall.operate.missions.activities import Input, Reach
 from footfall.operate.missions.follow import Tracking
 from footfall.operate.missions.mission import load_mission, mission_of
 from footfall.operate.missions.source import DONE, MissionSource
+from footfall.operate.sources import check_source, is_mission
 
 STEP_S, LAG_S = 0.02, 0.15
 START = Pose(3.0, -2.0, 2.5)  # a mission begins at the robot's position, not at the origin of the odometry
@@ -38,18 +44,13 @@ class Walker:
 
     def step(self) -> None:
         yaw = math.remainder(self.pose.yaw_rad, 2 * math.pi)
-        status = WALKING._replace(
-            walking_s=self.time_s,
-            policy=self.policy,
-            pose=self.pose._replace(yaw_rad=yaw),
-            battery=BatteryState(charge=self.charge),
-        )
+        pose, battery = self.pose._replace(yaw_rad=yaw), BatteryState(charge=self.charge)
+        status = WALKING._replace(walking_s=self.time_s, policy=self.policy, pose=pose, battery=battery)
         request = self.source.poll(status)
         self.policy = request.policy or self.policy
         self.requests.append(request)
         low, high = np.array(list(vars(LIMITS.ranges).values())).T
-        assert (low <= request.velocity).all()
-        assert (request.velocity <= high).all()
+        assert np.array_equal(request.velocity, np.clip(request.velocity, low, high))
         moves = np.linalg.norm(request.velocity) >= LIMITS.min_norm and not self._hold(self.time_s)
         self.velocity = self.velocity + STEP_S / LAG_S * (request.velocity * moves - self.velocity)
         (x, y, yaw), (ahead, left, turn) = self.pose, (STEP_S * self.velocity).tolist()
@@ -118,15 +119,11 @@ def test_at_low_battery_the_robot_walks_home_or_lies_down() -> None:
 
 
 def test_changes_of_policy_gait_and_settings_come_in_order() -> None:
-    walker = Walker(
-        [{"gait": "wave"}, {"set": {"body_height_m": 0.25}}, {"wait": 1}, {"policy": "stand"}, {"wait": 1}]
-    )
-    walker.run()
-    with_gait = [request for request in walker.requests if request.policy == ""]
-    assert with_gait[-1].gait == "wave"
-    assert with_gait[-1].settings == {"body_height_m": 0.25}
-    assert walker.requests[-1].policy == "stand"
-    assert walker.requests[-1].gait == ""
+    walk = [{"gait": "wave"}, {"set": {"body_height_m": 0.25}}, {"wait": 1}]
+    walker = Walker([*walk, {"policy": "stand"}, {"wait": 1}]).run()
+    with_gait = [request for request in walker.requests if request.policy == ""][-1]
+    assert (with_gait.gait, with_gait.settings) == ("wave", {"body_height_m": 0.25})
+    assert (walker.requests[-1].policy, walker.requests[-1].gait) == ("stand", "")
 
 
 def test_an_impossible_step_is_refused_with_its_number(tmp_path: Path) -> None:
@@ -169,3 +166,27 @@ def test_an_impossible_step_is_refused_with_its_number(tmp_path: Path) -> None:
 def test_a_turn_takes_the_same_time_to_either_side(goal: Pose) -> None:
     act = Reach(goal, LIMITS, Tracking()).act(Input(0.0, Pose(0.0, 0.0, 0.0), "trot"))
     assert act.remaining_s == pytest.approx(1.0 / LIMITS.yaw_rad_s)
+
+
+def test_a_mission_steers_the_simulated_robot_and_ends_the_run(go1: Robot) -> None:
+    policy = load_policy("go1-flat", go1)
+    steps = [{"go_to": {"to": [0.3, 0.0], "heading_deg": 30.0}}]
+    mission = mission_of({"speed_m_s": 0.5, "steps": steps, "tracking": {"tolerance_m": 0.03}}, "mission")
+    source = MissionSource(mission, policy.name, abilities_of({"go1-flat": policy}, go1))
+    episode = Episode(source, 30.0, config=replace(deploy_config(go1), odometry=True), record_rate_hz=10.0)
+    trace = run_episode(go1, policy, episode)
+    assert (source.progress.done, trace.final_state, trace.fell) == (True, "IDLE", False)
+    assert source.progress.error_m <= 0.03
+    assert trace.walked_s < 5.0
+    first, last = (float(heading(trace.base_quaternion[index])) for index in (0, -1))
+    moved = heading_matrix(-first) @ (trace.base_position[-1] - trace.base_position[0])
+    assert np.linalg.norm(moved[:2] - (0.3, 0.0)) < 0.06
+    assert math.degrees(wrap_angle(last - first)) == pytest.approx(30.0, abs=6.0)
+
+
+def test_a_yaml_file_is_a_mission_unless_it_holds_a_sources_settings() -> None:
+    for name in ("tour.yaml", "my/tour.YML", "gamepad", "gamepad:mine.yaml"):
+        assert is_mission(name) is ("tour" in name)
+        check_source(name)
+    with pytest.raises(UserError, match="gamepda"):
+        check_source("gamepda")

@@ -1,16 +1,21 @@
-"""Datagrams steer a run if they hold the token, the latest challenge and a new number."""
+"""Datagrams steer a run, or bring height scans, if they hold the token and a new number."""
 
+import math
 import socket
+from typing import Any
 
+import numpy as np
 import pytest
 from fake_time import Watch
-from walking_run import WALKING, abilities, polled_until
+from ports import free_port
+from walking_run import WALKING, abilities, eventually, polled_until
 
 from footfall.common.errors import UserError
 from footfall.deploy.command_source import Behaviour
+from footfall.operate.height_scan_udp import UdpScans, scans_by_udp
 from footfall.operate.inbox import Inbox
-from footfall.operate.udp import Receiver, UdpConfig, steered_by_udp
-from footfall.operate.udp_client import REPLY, REQUEST, UdpSteering, pack, unpack
+from footfall.operate.udp import MAX_SENDERS, Receiver, UdpConfig, steered_by_udp
+from footfall.operate.udp_client import REPLY, REQUEST, SCAN, UdpHeightScan, UdpSteering, pack, unpack
 
 TOKEN = "a token of the tests, shared"
 
@@ -20,12 +25,12 @@ class Sender:
 
     def __init__(self, receiver: Receiver) -> None:
         self._receiver = receiver
-        self.head = {"sender": "s", "number": 0, "challenge": "", "name": "planner"}
+        self.head: dict[str, Any] = {"sender": "s", "number": 0, "challenge": "", "name": "planner"}
         self.sent = b""
 
     def send(self, **request: object) -> str:
         """The refusal; 'no reply' without one."""
-        self.head["number"] = int(self.head["number"]) + 1
+        self.head["number"] += 1
         self.sent = pack(self.head | request, TOKEN, REQUEST)
         return self.again(self.sent)
 
@@ -48,9 +53,7 @@ def test_only_fresh_datagrams_of_holders_of_the_token_steer() -> None:
     first = sender.sent
     assert sender.send(velocity=[0.2, 0, 0]) == ""
     for foreign in (
-        b"",
-        b"x" * 40,
-        b"x" * 9000,
+        *(b"", b"x" * 40, b"x" * 9000),
         pack({"sender": "s", "number": 99, "velocity": [1, 0, 0]}, "another token, as long", REQUEST),
         pack({**sender.head, "number": 99, "velocity": [1, 0, 0]}, TOKEN, REPLY),  # of the other direction
         first[:-1] + b" ",
@@ -60,9 +63,8 @@ def test_only_fresh_datagrams_of_holders_of_the_token_steer() -> None:
     assert "not finite" in sender.send(velocity=[float("nan"), 0, 0])
     assert sender.send(velocity="fast")
     for odd in ({"sender": 3}, {"number": "7"}, {"number": None}, {"challenge": []}, {"name": 5}):
-        assert receiver.receive(
-            pack(sender.head | {"number": 500, "velocity": [1, 0, 0]} | odd, TOKEN, REQUEST)
-        )
+        content = sender.head | {"number": 500, "velocity": [1, 0, 0]} | odd
+        assert receiver.receive(pack(content, TOKEN, REQUEST))
     assert receiver.receive(pack([], TOKEN, REQUEST)) == b""  # type: ignore[arg-type]
     assert inbox.poll(WALKING).velocity.tolist() == [0.2, 0.0, 0.0]
     last = sender.sent
@@ -75,13 +77,11 @@ def test_only_fresh_datagrams_of_holders_of_the_token_steer() -> None:
     assert sender.send(wish="stand") == ""  # former name of `behaviour`
     assert inbox.poll(WALKING).behaviour is Behaviour.STAND
     assert sender.send(stop="a cable") == ""
-    assert inbox.stopped is not None
     assert "planner" in inbox.stopped.reason
     other_inbox = Inbox()
     damping = Sender(Receiver(other_inbox, TOKEN, watch))
     damping.send(stop="now", damp=True)
     assert damping.send(stop="now", damp=True) == ""  # with the received challenge
-    assert other_inbox.stopped is not None
     assert other_inbox.stopped.damp
 
 
@@ -94,7 +94,6 @@ def test_a_client_steers_over_the_network(monkeypatch: pytest.MonkeyPatch) -> No
         inbox.poll(WALKING)
         with UdpSteering("127.0.0.1", TOKEN, port, "planner") as steering:
             reply = steering.send(velocity=[0.3, 0, 0.1], gait="wave", wait_s=20.0)
-            assert reply is not None
             assert (reply["refused"], reply["owner"], reply["mode"]) == ("", "planner", "WALKING")
             assert polled_until(inbox, lambda r: r.velocity.any()).gait == "wave"
             assert steering.stop("enough")
@@ -114,3 +113,62 @@ def test_short_tokens_and_wrong_addresses_are_refused(monkeypatch: pytest.Monkey
     monkeypatch.setenv("FOOTFALL_TOKEN", "short")
     with pytest.raises(UserError), steered_by_udp(Inbox(), abilities, UdpConfig("127.0.0.1:0")):
         pass
+    with pytest.raises(UserError, match="FOOTFALL_TOKEN"), scans_by_udp():
+        pass
+    monkeypatch.setenv("FOOTFALL_TOKEN", TOKEN)
+    with pytest.raises(UserError, match=r"9871.*nowhere"), scans_by_udp("nowhere"):  # the scans' port
+        pass
+
+
+SCAN_CONTENT = {"sender": "s", "number": 7, "age_s": 0.1, "heights": [-0.3, None, 0.1]}
+
+
+def test_a_scans_age_counts_from_its_measurement() -> None:
+    watch = Watch()
+    scans = UdpScans(TOKEN, watch)
+    assert scans.newest(0) is None
+    assert scans.receive(pack(SCAN_CONTENT, TOKEN, SCAN)) == ""
+    watch.now_s += 0.25
+    found = scans.newest(2_000_000)
+    assert found.taken_us == pytest.approx(2_000_000 - 350_000, abs=1)
+    np.testing.assert_array_equal(found.heights, [-0.3, math.nan, 0.1])
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *({"number": 6}, {"number": None}, {"sender": 3}),
+        *({"age_s": age_s} for age_s in (-1.0, "old", math.nan)),
+        *({"heights": heights} for heights in ("flat", [0.1, "x"], [True], [10**400])),
+    ],
+)
+def test_a_wrong_or_old_scan_is_refused(wrong: dict[str, object]) -> None:
+    scans = UdpScans(TOKEN, Watch())
+    assert scans.receive(pack(SCAN_CONTENT, TOKEN, SCAN)) == ""
+    assert scans.receive(pack(SCAN_CONTENT | {"number": 8, "heights": [9.0]} | wrong, TOKEN, SCAN)) != ""
+    assert len(scans.newest(0).heights) == 3
+
+
+def test_a_mapping_program_may_restart_any_number_of_times() -> None:
+    """A second sender that keeps sending is remembered all the time: its old datagrams stay refused."""
+    scans = UdpScans(TOKEN, Watch())
+    steady = pack(SCAN_CONTENT | {"sender": "steady", "number": 0}, TOKEN, SCAN)
+    assert scans.receive(steady) == ""
+    for restart in range(2 * MAX_SENDERS):
+        for changes in ({"sender": f"{restart}", "number": 1}, {"sender": "steady", "number": restart + 1}):
+            assert scans.receive(pack(SCAN_CONTENT | changes, TOKEN, SCAN)) == ""
+    assert scans.receive(steady) != ""
+    assert len(scans._last_numbers) == MAX_SENDERS
+
+
+def test_scans_arrive_over_a_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FOOTFALL_TOKEN", TOKEN)
+    port = free_port()
+    with scans_by_udp(f"127.0.0.1:{port}") as scans, UdpHeightScan("127.0.0.1", TOKEN, port) as sender:
+
+        def arrived() -> bool:
+            sender.send([-0.31, math.nan], age_s=0.02)
+            return scans.newest(0) is not None
+
+        assert eventually(arrived)
+    np.testing.assert_array_equal(scans.newest(0).heights, [-0.31, math.nan])

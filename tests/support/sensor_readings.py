@@ -70,28 +70,24 @@ def measured(
     check: type[JointCheck],
     reading: Reading = swing,
     torque: Callable[[float], tuple[float, float]] = lambda _: (0.0, 0.0),
-    lost: Callable[[int], bool] = lambda _: False,
     samples: int = 250,
     stiffness: float = 0.0,
     target: Callable[[float], float] = lambda _: 0.0,
 ) -> np.ndarray:
     """Final value of a check for a robot whose joint 0 moves, (n,).
 
-    `torque` gives the reported and the expected torque of that joint, as shares of its peak torque. `lost`
-    tells by its number whether a sample is lost: the previous reading and its time of arrival stay.
+    `torque` gives the reported and the expected torque of that joint, as shares of its peak torque.
     """
-    result, arrived_us = JointReadings(robot, check), np.zeros(len(robot.joint_names), np.int64)
+    result = JointReadings(robot, check)
     joints = np.zeros((3, result.n))
     joints[:2, 0] = reading(0.0)
-    result.begin(0, arrived_us, joints)
+    result.begin(0, np.zeros(result.n, np.int64), joints)
     for k in range(1, samples + 1):
         time_s = k * SAMPLE_US * 1e-6
-        expected = result.zeros.copy()
-        if not lost(k):
-            joints, arrived_us = joints.copy(), np.full(result.n, k * SAMPLE_US)
-            joints[:2, 0] = reading(time_s)
-            joints[2, 0], expected[0] = robot.motor.peak_torque[0] * np.array(torque(time_s))
-        result.add(k * SAMPLE_US, joints, arrived_us, expected, stiffness, target(time_s))
+        joints, expected = joints.copy(), result.zeros.copy()
+        joints[:2, 0] = reading(time_s)
+        joints[2, 0], expected[0] = robot.motor.peak_torque[0] * np.array(torque(time_s))
+        result.add(k * SAMPLE_US, joints, None, expected, stiffness, target(time_s))
     return result.values[0]
 
 
@@ -100,18 +96,10 @@ class BodyWindows:
 
     def __init__(self, robot: Robot, check: type[BodyCheck], before: Inertial = STILL) -> None:
         self.check = check(robot, LIMITS, SAMPLE_US * 1e-6)
-        self.before = before
-        self._position = robot.default_pose
+        self.before, self._position = before, robot.default_pose
 
-    def update(
-        self,
-        *inertials: Inertial,
-        speed_rad_s: float = 0.0,
-        on_legs: bool = True,
-        position: np.ndarray | None = None,
-    ) -> float:
-        """Value of the check after one more window of 40 ms."""
-        joint_position = self._position if position is None else position
-        readings = BodyReadings(0.04, self.before, list(inertials), joint_position, np.zeros(12), speed_rad_s)
+    def update(self, *inertials: Inertial, speed_rad_s: float = 0.0) -> float:
+        """Value of the check after one more window of 40 ms on the robot's legs."""
+        readings = BodyReadings(0.04, self.before, list(inertials), self._position, np.zeros(12), speed_rad_s)
         self.before = inertials[-1]
-        return self.check.measure(body_window(readings, on_legs))
+        return self.check.measure(body_window(readings, True))

@@ -19,7 +19,6 @@ from footfall.operate.ros2.path_source import PathSource
 from footfall.operate.ros2.steering_socket import SteeringSocket
 
 FAKE = Backend(sys.executable, "fake_bridge", "no ROS")
-NEEDS_NO_PACKAGES = ("table", "link", "arguments", "reading", "throttle", "scan_sender")
 
 
 @pytest.fixture(autouse=True)
@@ -44,15 +43,13 @@ def test_the_bridge_steers_and_reads_the_feed_until_the_run_ends(tmp_path: Path)
     steering.close()
 
 
-def test_a_failed_bridge_reports_one_line(tmp_path: Path) -> None:
-    failing = Ros2Config(arguments=("fail",))
+def test_a_bridge_that_fails_or_never_gets_ready_is_reported_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing, hanging = (Ros2Config(arguments=(how,)) for how in ("fail", "hang"))
     with pytest.raises(UserError, match=r": the last line says why$"), bridge(FAKE, tmp_path, None, failing):
         pass
-
-
-def test_a_bridge_that_never_gets_ready_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("footfall.operate.ros2.bridge_process.START_S", 0.1)
-    hanging = Ros2Config(arguments=("hang",))
     with pytest.raises(UserError), bridge(FAKE, tmp_path, None, hanging):
         pass
 
@@ -79,6 +76,7 @@ def test_the_network_is_opened_on_request_only_and_with_a_warning() -> None:
 
 def test_modules_run_by_ros_python_need_no_packages_of_footfall() -> None:
     """`-S` leaves out all installed packages."""
-    names = ", ".join(f"footfall.operate.ros2.{each}" for each in NEEDS_NO_PACKAGES)
+    modules = ("table", "link", "arguments", "reading", "throttle", "scan_sender")
+    names = ", ".join(f"footfall.operate.ros2.{each}" for each in modules)
     command = [sys.executable, "-S", "-c", f"import {names}"]
     subprocess.run(command, check=True, env={"PYTHONPATH": str(ROOT / "src")})

@@ -43,12 +43,8 @@ def test_requests_reach_the_inbox_and_refusals_are_returned(inbox: Inbox, path: 
     request = inbox.poll(WALKING)
     assert (inbox.owner, request.velocity.tolist()) == ("ros2", [0.3, 0.0, 0.1])
     assert (request.gait, request.settings) == ("wave", {"step_height_m": 0.04})
-    for wrong in (
-        {"velocity": [float("nan"), 0, 0]},
-        {"gait": "fly"},
-        {"weight": 1},
-        {"behaviour": ["walk"]},
-    ):
+    not_finite = {"velocity": [float("nan"), 0, 0]}
+    for wrong in (not_finite, {"gait": "fly"}, {"weight": 1}, {"behaviour": ["walk"]}):
         assert "\n" not in link.ask(**wrong) != ""
     link.post(gait="fly")
     link.post(gait="fly")
@@ -60,7 +56,6 @@ def test_requests_reach_the_inbox_and_refusals_are_returned(inbox: Inbox, path: 
     assert link.ask(take_over=True) == link.ask(velocity=[0.1, 0, 0]) == ""
     assert inbox.stopped is None
     assert link.ask(stop="a service") == ""
-    assert inbox.stopped is not None
     assert "ros2" in inbox.stopped.reason
 
 

@@ -1,36 +1,27 @@
-"""The names in ROS: complete, unique, and valid in ROS."""
+"""Names in ROS: complete, unique and valid; messages decoded from bytes without ROS."""
 
 import re
+import struct
 
 import pytest
 
+from footfall.deploy.telemetry.messages import Template, multi_array
 from footfall.deploy.telemetry.topics import TOPICS
-from footfall.operate.ros2.table import (
-    CHOICES,
-    FOLLOW_PATH,
-    PUBLISHED,
-    SERVICES,
-    SUBSCRIBED,
-    WAVE,
-    absolute,
-    in_name,
-)
+from footfall.operate.ros2 import table
+from footfall.operate.ros2.cyclone_bridge.decode import decode
+from footfall.operate.ros2.table import HEIGHT_SCAN, TWIST, TWIST_STAMPED, absolute, in_name
 from footfall.operate.ros2.throttle import Throttle
 
 PARTS = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")  # of a ROS 2 name
 
 
-def test_names_are_valid_in_ros_and_unique() -> None:
-    topics = [absolute(each.name.format("trot")) for each in (*PUBLISHED, *SUBSCRIBED)]
-    offered = (*SERVICES, *CHOICES.values(), WAVE, FOLLOW_PATH)
+def test_names_are_valid_in_ros_unique_and_published_topics_are_in_the_feed() -> None:
+    topics = [absolute(each.name.format("trot")) for each in (*table.PUBLISHED, *table.SUBSCRIBED)]
+    offered = (*table.SERVICES, *table.CHOICES.values(), table.WAVE, table.FOLLOW_PATH)
     services = [absolute(each.name.format("trot")) for each in offered]
     assert all(map(PARTS.fullmatch, [*topics, *services]))
-    assert len(set(topics)) == len(topics)
-    assert len(set(services)) == len(services)
-
-
-def test_all_published_topics_are_in_the_feed() -> None:
-    assert {each.feed for each in PUBLISHED} <= set(TOPICS)
+    assert (len(set(topics)), len(set(services))) == (len(topics), len(services))
+    assert {each.feed for each in table.PUBLISHED} <= set(TOPICS)
 
 
 @pytest.mark.parametrize("text", ["trot", "go1-flat", "trot@kp=90", "3 legs", "runs/näher"])
@@ -46,3 +37,28 @@ def test_a_throttle_keeps_the_mean_rate() -> None:
         assert passed == pytest.approx(min(rate_hz, 500.0), abs=1)
         later = 2 * 10**18
         assert [throttle.due(later), throttle.due(later + 1)] == [True, rate_hz == float("inf")]
+
+
+TEXT, NUMBER, NUMBERS = "std_msgs/msg/String", "std_msgs/msg/Float64", HEIGHT_SCAN.kind
+
+
+@pytest.mark.parametrize("name", ["", "a", "row", "base_link", "base_link_"])
+def test_numbers_follow_frame_names_and_labels_of_any_length(name: str) -> None:
+    six, three = struct.pack("<6d", 0.5, -0.2, 9.0, 9.0, 9.0, 0.3), struct.pack("<3f", 0.5, -0.25, 1.0)
+    assert decode(TWIST, Template().gap(6).fill(0, six)) == [0.5, -0.2, 0.3]
+    assert decode(TWIST_STAMPED, Template().stamp(name).gap(6).fill(7, six)) == [0.5, -0.2, 0.3]
+    assert decode(NUMBERS, multi_array(name, 3, 4).fill(0, three)) == [0.5, -0.25, 1.0]
+
+
+def test_texts_and_numbers_are_decoded_in_either_byte_order() -> None:
+    assert decode(TEXT, Template().text("wave").fill(0)) == "wave"
+    assert decode(NUMBER, b"\0\1\0\0" + struct.pack("<d", 0.08)) == 0.08
+    assert decode(NUMBER, b"\0\0\0\0" + struct.pack(">d", 0.08)) == 0.08
+    assert decode("std_msgs/msg/Empty", b"\0\1\0\0\0") is None
+
+
+@pytest.mark.parametrize("kind", [TWIST, TWIST_STAMPED, TEXT, NUMBER, NUMBERS])
+@pytest.mark.parametrize("message", [b"", b"\0\1\0\0", b"\0\1\0\0\xff\xff\xff", b"\0\1\0\0" + b"\xff" * 7])
+def test_bytes_without_a_message_are_refused(kind: str, message: bytes) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011
+        decode(kind, message)
