@@ -11,7 +11,6 @@ import pytest
 from report_pages import walked
 from scipy.spatial.transform import Rotation
 
-from footfall.evaluate.plan import CommandSchedule
 from footfall.evaluate.pool import TaskResult
 from footfall.evaluate.report import films, scene
 from footfall.evaluate.report.caption import command_text
@@ -22,18 +21,13 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot
 
 
-@pytest.fixture(scope="module")
-def standing(go1: Robot) -> Trace:
-    episode = Episode(CommandSchedule((0.0,), ((0.0, 0.0, 0.0),)), 0.4)
-    return run_episode(go1, load_policy("stand", go1), episode)
-
-
 def task(trace: Trace, seconds: float = 1.0, pushes: tuple[Push, ...] = ()) -> FilmTask:
     return FilmTask("go1", None, trace, pushes, seconds)
 
 
-def test_a_film_shows_the_robot_and_plays_in_a_browser(standing: Trace, tmp_path: Path) -> None:
-    (outcome,) = render_films([task(standing, 0.6)])
+def test_a_film_shows_the_robot_and_plays_in_a_browser(go1: Robot, tmp_path: Path) -> None:
+    standing = Episode(lambda _: np.zeros(3), 0.4)
+    (outcome,) = render_films([task(run_episode(go1, load_policy("stand", go1), standing), 0.6)])
     if outcome.value is None:
         pytest.skip(f"this machine cannot render: {outcome.error}")
     (tmp_path / "film.mp4").write_bytes(outcome.value.mp4)
@@ -51,9 +45,9 @@ def test_a_film_shows_the_robot_and_plays_in_a_browser(standing: Trace, tmp_path
     assert blue[:20].mean() > red[:20].mean() + 20  # the sky
 
 
-def test_without_rendering_the_reason_is_given(standing: Trace, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_rendering_the_reason_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "crayons")
-    (outcome,) = render_films([task(standing, 0.4)])
+    (outcome,) = render_films([task(walked(1.0))])
     assert outcome.value is None
     assert "crayons" in outcome.error
 

@@ -15,24 +15,16 @@ ERROR, FALLS, PUSH = (figures()[key] for key in ("lin_vel_rmse", "falls", "dv50"
 def scored(error: float, half_width: float = 0.0, falls: int = 0, episodes: int = 24, **more: Any) -> dict:
     """A scenario's summary with one measured figure."""
     return {
-        "episodes": episodes,
-        "falls": falls,
-        "fall_rate": falls / episodes,
+        "episodes": episodes, "falls": falls, "fall_rate": falls / episodes,
         "fall_rate_interval": list(wilson_interval(falls, episodes)),
-        "lin_vel_rmse": error,
-        "lin_vel_rmse_interval": [error - half_width, error + half_width],
-        **more,
-    }
+        "lin_vel_rmse": error, "lin_vel_rmse_interval": [error - half_width, error + half_width], **more,
+    }  # fmt: skip
 
 
 def pushed(dv50: float | None, low: float | None, high: float | None, falls: int = 48) -> dict:
     """A push scenario's summary; None stands for beyond the strongest push, 5 m/s."""
-    return scored(1.0, 1.0, falls, 96) | {
-        "dv50": dv50,
-        "dv50_interval": [low, high],
-        "weakest_push": 0.5,
-        "strongest_push": 5.0,
-    }
+    median = {"dv50": dv50, "dv50_interval": [low, high], "weakest_push": 0.5, "strongest_push": 5.0}
+    return scored(1.0, 1.0, falls, 96) | median
 
 
 def test_figures_that_favour_a_fallen_robot_are_blocked_by_falls() -> None:

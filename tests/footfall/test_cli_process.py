@@ -167,16 +167,13 @@ import os, resource
 from footfall import load_policy, load_robot
 
 class Mine:
-    name, rate_hz, needs_estimate, contract, notes = "mine", 50.0, False, None, ()
+    name, rate_hz, contract = "mine", 50.0, None
 
     def __init__(self, robot):
         self._stand, self._steps = load_policy("stand", robot), 0
 
-    def reset(self, inputs):
-        self._stand.reset(inputs)
-
-    def stance(self):
-        return None
+    def __getattr__(self, name):
+        return getattr(self._stand, name)
 
     def act(self, inputs):
         self._steps += 1

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,41 +20,31 @@ from scipy.spatial.transform import Rotation
 from footfall import Robot, run_episode
 from footfall import live_state as module
 from footfall.deploy.battery import BatteryState
-from footfall.deploy.loop import ControlLoop
 from footfall.deploy.safety import State
 from footfall.deploy.timing import Timing
 from footfall.live_state import describe, live_state
-from footfall.plant.robot import SimulatedRobot
 from footfall.service_manager import notifying_service_manager
 
 
 def displayed(robot: Robot, **console: Any) -> str:
     """The display of a walk of half a second, whose thread gets time."""
     out = io.StringIO()
-
-    def display(loop: ControlLoop, velocity: Any) -> Any:
-        return live_state(loop, velocity, 0.5, Console(file=out, width=200, **console))
-
-    def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-        time.sleep(0.001)
-
-    run_episode(robot, Hold(robot), short_episode(duration_s=0.5, display=display), watch)
+    screen = Console(file=out, width=200, **console)
+    display = partial(live_state, duration_s=0.5, console=screen)
+    episode = short_episode(duration_s=0.5, display=display)
+    run_episode(robot, Hold(robot), episode, lambda *_: time.sleep(0.001))
     return out.getvalue()
 
 
-@pytest.fixture
-def loop() -> Any:
-    """State with different numbers in all fields; the robot is tilted by 0.3 rad and turned."""
+def test_every_part_of_a_state_is_shown() -> None:
+    """All fields have different numbers; the robot is tilted by 0.3 rad and turned."""
     attitude = Rotation.from_euler("ZX", [1.1, 0.3]).as_quat()[[3, 0, 1, 2]]
-    return SimpleNamespace(
+    loop: Any = SimpleNamespace(
         walking=True, walking_s=1.26, walked_s=4.2,
         state=SimpleNamespace(mode=SimpleNamespace(value="WALKING")),
         requested_command=(0.5, -0.25, 0.75), sensed=SimpleNamespace(quaternion=attitude),
         timing=Timing(ticks_skipped=7), held_up=False, battery=BatteryState(charge=0.42),
     )  # fmt: skip
-
-
-def test_every_part_of_a_state_is_shown(loop: Any) -> None:
     for loop.walking, time_s in ((True, "1.3"), (False, "4.2")):
         text = describe(loop, np.array([0.11, -0.22, 9.0]), 2.5)
         numbers = (f"{time_s} of 2.5 s", "+0.50 -0.25", "+0.75", "+0.11 -0.22", "42%", "0.30 rad", "7 ticks")
