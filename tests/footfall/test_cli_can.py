@@ -98,40 +98,32 @@ class TestVirtual:
         (row,) = rows_of(shell, "zero", "--joint", JOINT, "--yes")
         assert abs(float(row[4])) < 0.05
 
-    @pytest.mark.parametrize(
-        ("verb", "fault", "code"), [("monitor", "silent", 1), ("monitor", "error", 2), ("enable", "error", 2)]
-    )
-    def test_a_silent_motor_or_an_error_is_named_with_status_1(
-        self, shell: Shell, monkeypatch: pytest.MonkeyPatch, verb: str, fault: str, code: int
-    ) -> None:
-        inject(monkeypatch, fault, code)
-        consent = ["--yes"] if verb == "enable" else []
-        outcome = shell("can", verb, *consent, "--bus", "virtual", "--duration", "0.2")
-        assert outcome.status == 1
-        assert JOINT in outcome.out.splitlines()[-1]
+    def test_a_silent_motor_or_an_error_is_named(self, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+        for verb, fault, code in (("monitor", "silent", 1), ("monitor", "error", 2), ("enable", "error", 2)):
+            inject(monkeypatch, fault, code)
+            consent = ["--yes"] if verb == "enable" else []
+            outcome = shell("can", verb, *consent, "--bus", "virtual", "--duration", "0.2")
+            assert outcome.status == 1
+            assert JOINT in outcome.out.splitlines()[-1]
 
-    @pytest.mark.parametrize(
-        ("protocol", "code", "message"),
-        [
+    def test_a_latched_error_is_cleared(
+        self, shell: Shell, own_folder: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        for protocol, code, message in (
             ("ODrive", odrive.WATCHDOG, "timeout"),
             ("DM8009", 8, "over-voltage"),
             ("RS03", robstride.REPORTED + 14, "stall overload"),
-        ],
-    )
-    def test_a_latched_error_is_cleared(
-        self, shell: Shell, own_folder: Path, monkeypatch: pytest.MonkeyPatch,
-        protocol: str, code: int, message: str,
-    ) -> None:  # fmt: skip
-        inject(monkeypatch, "latched", code)
-        with content_of(own_folder / "robot.yaml") as content:
-            content["motors"]["knee"]["protocol"] = protocol
-        options = ("--robot", own_folder, "--joint", JOINT, "--yes")
-        outcome = shell("can", "clear", "--bus", "virtual", *options)
-        assert (outcome.status, outcome.err) == (0, ""), outcome
-        first, *_, last = outcome.out.splitlines()
-        assert first.startswith(JOINT)
-        assert message in first
-        assert last.split()[0] == JOINT
+        ):
+            inject(monkeypatch, "latched", code)
+            with content_of(own_folder / "robot.yaml") as content:
+                content["motors"]["knee"]["protocol"] = protocol
+            options = ("--robot", own_folder, "--joint", JOINT, "--yes")
+            outcome = shell("can", "clear", "--bus", "virtual", *options)
+            assert (outcome.status, outcome.err) == (0, ""), outcome
+            first, *_, last = outcome.out.splitlines()
+            assert first.startswith(JOINT)
+            assert message in first
+            assert last.split()[0] == JOINT
 
 
 def test_refusals_name_their_cause(shell: Shell) -> None:

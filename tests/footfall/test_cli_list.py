@@ -3,31 +3,22 @@
 import json
 from pathlib import Path
 
-import pytest
 import yaml
 from shell import Shell
 
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.fixture
-def listed(shell: Shell) -> dict[str, dict[str, dict]]:
-    """Each kind's rows by name."""
+def test_everything_that_ships_is_there_with_its_facts(shell: Shell) -> None:
     outcome = shell("list", "--json")
     assert outcome.status == 0
-    return {kind: {row.pop("name"): row for row in rows} for kind, rows in json.loads(outcome.out).items()}
-
-
-def test_everything_that_ships_is_there(listed: dict[str, dict[str, dict]]) -> None:
+    listed = {kind: {row["name"]: row for row in rows} for kind, rows in json.loads(outcome.out).items()}
     assert list(listed) == ["robots", "controllers", "policies", "scenarios", "presets"]
     assert set(listed["robots"]) == {path.parent.name for path in ROOT.glob("robots/*/robot.yaml")}
     assert set(listed["policies"]) == {path.parent.name for path in ROOT.glob("policies/zoo/*/policy.onnx")}
     assert set(listed["presets"]) == {path.stem for path in ROOT.glob("train/presets/*.yaml")}
     scenarios = yaml.safe_load((ROOT / "evaluate/scenarios.yaml").read_text())["scenarios"]
     assert set(listed["scenarios"]) == set(scenarios)
-
-
-def test_each_row_has_its_kind(listed: dict[str, dict[str, dict]]) -> None:
     hexapod = listed["robots"]["hexapod"]
     assert (hexapod["feet"], hexapod["joints"]) == (6, 18)
     assert hexapod["controllers"] == ["stand", "tripod", "ripple", "wave", "mpc"]

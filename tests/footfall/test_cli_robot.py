@@ -31,18 +31,18 @@ def test_findings_of_a_standing_test(go1: Robot) -> None:
     just = {"sank_m": 0.149 * height_m, "tilt_rad": 0.169, "torque_share": np.full(12, 0.8)}
     fell = {"stood_s": 1.25, "sank_m": 0.2, "tilt_rad": 1.0}
     for changes, named in (
-        ({}, []),
-        (just | {"feet_down": np.full(4, 0.5)}, []),
-        ({"sank_m": 0.151 * height_m}, ["44 mm"]),
-        ({"tilt_rad": 0.175}, ["10 degrees"]),
-        ({"torque_share": np.where(np.arange(12) == 4, 0.81, 0.1)}, ["FL_thigh_joint"]),
-        ({"feet_down": np.array([1.0, 1.0, 0.49, 1.0])}, ["RR"]),
-        (fell | {"fall_reason": "it tilted", "faults": ("x",)}, ["it tilted after 1.2 s"]),
-        (fell | {"faults": ("motor 3", "motor 4")}, ["motor 3; motor 4"]),
+        ({}, ""),
+        (just | {"feet_down": np.full(4, 0.5)}, ""),
+        ({"sank_m": 0.151 * height_m}, "44 mm"),
+        ({"tilt_rad": 0.175}, "10 degrees"),
+        ({"torque_share": np.where(np.arange(12) == 4, 0.81, 0.1)}, "FL_thigh_joint"),
+        ({"feet_down": np.array([1.0, 1.0, 0.49, 1.0])}, "RR"),
+        (fell | {"fall_reason": "it tilted", "faults": ("x",)}, "it tilted after 1.2 s"),
+        (fell | {"faults": ("motor 3", "motor 4")}, "motor 3; motor 4"),
     ):
         found = list(robot_check.standing_findings(go1, replace(STOOD, **changes)))
-        assert len(found) == len(named)
-        assert all(name in finding for name, finding in zip(named, found, strict=True)), found
+        assert len(found) == (1 if named else 0)
+        assert named in "".join(found)
 
 
 def test_gains_beyond_the_frames_range_are_reported_by_joint(go1: Robot) -> None:
@@ -61,14 +61,8 @@ class TestCheck:
     def found(self, called: Recorder) -> list[str]:
         """Result of the inspection; nothing is simulated, and every test passes."""
         found: list[str] = []
-        looked = SimpleNamespace(
-            links=[],
-            feet=[],
-            margin_m=0.1,
-            mass_kg=1.0,
-            centre_m=np.zeros(3),
-            findings=lambda **_: iter(found),
-        )
+        figures = {"links": [], "feet": [], "margin_m": 0.1, "mass_kg": 1.0, "centre_m": np.zeros(3)}
+        looked = SimpleNamespace(**figures, findings=lambda **_: iter(found))
         called.replace("footfall.robots.inspection.inspect_robot", looked)
         called.replace("footfall.plant.standing.standing_test", STOOD)
         called.replace("footfall.plant.lying.lying_test", LyingResult("", 0.0, 0.1))
