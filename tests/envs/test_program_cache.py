@@ -141,7 +141,7 @@ def test_code_that_others_may_have_written_is_not_run(cache: Path, make: Mock, t
     assert (make.call_count, len(lines)) == (2, 1)
 
 
-def test_the_longest_unused_is_deleted(cache: Path, make: Mock, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_longest_unused_program_goes(cache: Path, make: Mock, monkeypatch: pytest.MonkeyPatch) -> None:
     kept(make, "first")
     monkeypatch.setattr(program_cache, "MAX_BYTES", int(2.5 * only_file(cache).stat().st_size))
     kept(make, "second")

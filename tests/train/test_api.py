@@ -152,21 +152,18 @@ def test_a_users_trainer_trains_resumes_and_exports(
         api.diagnose(run, report=print)
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
+def test_a_class_without_a_trainers_methods_is_refused(tmp_path: Path) -> None:
+    for name, message in (
         ("none", "no trainer 'none': give one of brax, rsl_rl, or MODULE:NAME of your own"),
         ("no_such_module:Trainer", "no module 'no_such_module'"),
         ("own_trainer:Missing", "no trainer 'own_trainer:Missing'"),
         ("own_trainer:NUMBER", "not a class"),
         ("own_trainer:Unrelated", "must derive from footfall.train.trainer.Trainer"),
         ("own_trainer:Incomplete", "implement restore, prepare, iterate, save, export"),
-    ],
-)
-def test_a_class_without_a_trainers_methods_is_refused(name: str, message: str, tmp_path: Path) -> None:
-    request = api.TrainRequest(preset="smoke", trainer=name, out=tmp_path / "run")
-    assert message in refusal_of(api.begin, request)
-    assert not (tmp_path / "run").exists()
+    ):
+        request = api.TrainRequest(preset="smoke", trainer=name, out=tmp_path / "run")
+        assert message in refusal_of(api.begin, request)
+        assert not (tmp_path / "run").exists()
 
 
 def test_modules_for_every_trainer_import_no_trainer() -> None:

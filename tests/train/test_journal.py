@@ -36,8 +36,7 @@ def test_a_failed_checkpoint_is_reported_once_and_retried(run: Run, monkeypatch:
     for error in (CannotWriteError("the disk is full"), None, None):
         kept.save(Mock(side_effect=error))
     failed, recovered = (call.args[0] for call in shown.report.call_args_list)
-    assert "the disk is full" in failed
-    assert "again" in recovered
+    assert ["the disk is full" in each for each in (failed, recovered)] == [True, False]
 
 
 def test_a_line_of_the_display_has_progress_speed_and_quality(monkeypatch: pytest.MonkeyPatch) -> None:

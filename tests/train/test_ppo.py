@@ -109,12 +109,10 @@ def test_four_epochs_of_three_mini_batches(counting: TrainState, monkeypatch: py
 
 
 # The mirror image of a vector swaps its first two components; the action also changes its sign.
+FIRST_TWO = np.array([1, 0])
 SWAP = EnvironmentMirror(
-    {
-        "state": Mirror(np.array([1, 0, 2]), np.ones(3)),
-        "privileged_state": Mirror(np.array([1, 0]), np.ones(2)),
-    },
-    Mirror(np.array([1, 0]), -np.ones(2)),
+    {"state": Mirror(np.array([1, 0, 2]), np.ones(3)), "privileged_state": Mirror(FIRST_TWO, np.ones(2))},
+    Mirror(FIRST_TWO, -np.ones(2)),
 )
 
 

@@ -50,7 +50,7 @@ def written(folder: Path, **settings: object) -> Path:
     return path
 
 
-def test_a_mistake_is_named_first(tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mistake_is_named_in_advance(tmp_path: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sweep_module, "reported_metrics", lambda *_: [METRIC])
     spaces = (
         ("learning_speed", {"uniform": [0, 1]}, "learning_speed"),
