@@ -21,9 +21,13 @@ from footfall.policies.registry import load_policy
 from footfall.robots.description import Robot
 
 
-@pytest.mark.parametrize(
-    ("specs", "settings", "outputs", "complaint"),
-    [
+def test_impossible_requests_are_refused_before_the_first_episode(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(api, "load_scenarios", lambda *_: FILE)
+    monkeypatch.setattr(api, "run_suite", lambda *_: pytest.fail("an episode has begun"))
+    rows: list[tuple[list[str], dict[str, Any], dict[str, Path], str]] = [
         ([], {}, {}, "policy"),
         (["stand"], {"episodes": 0}, {}, "episodes is 0"),
         (["stand"], {"scenarios": ("two", "ballet")}, {}, "'ballet'"),
@@ -35,21 +39,14 @@ from footfall.robots.description import Robot
         (["stand"], {}, {"html_path": Path("absent/out.html")}, "absent"),
         (["stand"], {}, {"html_path": Path("/dev/null")}, "/dev/null"),
         (["stand"], {}, {"json_path": Path("out"), "html_path": Path("out")}, "out"),
-    ],
-)
-def test_impossible_requests_are_refused_before_the_first_episode(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, specs: list[str],
-    settings: dict[str, Any], outputs: dict[str, Any], complaint: str,
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(api, "load_scenarios", lambda *_: FILE)
-    monkeypatch.setattr(api, "run_suite", lambda *_: pytest.fail("an episode has begun"))
-    config, quiet = replace(EvaluationConfig("go1", ("two",)), **settings), Console(quiet=True)
-    with pytest.raises(UserError, match=complaint):
-        api.compare_policies(specs, config, **outputs, console=quiet)
-    if len(specs) == 1 and "html_path" not in outputs:
+    ]
+    for specs, settings, outputs, complaint in rows:
+        config, quiet = replace(EvaluationConfig("go1", ("two",)), **settings), Console(quiet=True)
         with pytest.raises(UserError, match=complaint):
-            api.evaluate_policy(*specs, config, **outputs, console=quiet)
+            api.compare_policies(specs, config, **outputs, console=quiet)
+        if len(specs) == 1 and "html_path" not in outputs:
+            with pytest.raises(UserError, match=complaint):
+                api.evaluate_policy(*specs, config, **outputs, console=quiet)
 
 
 def test_names_are_the_policies_own_where_they_differ() -> None:

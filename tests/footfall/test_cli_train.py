@@ -133,26 +133,22 @@ class TestOptions:
             assert f"--{option}" in shell.refuses("train", "--resume", "run", f"--{option}", value)
         assert trained.called.names == []
 
-    @pytest.mark.parametrize(
-        ("cluster", "joined", "main", "pages"),
-        [
-            (("h:1", "--processes", "2", "--process", "0"), ("h:1", 2, 0), True, ["check_page", "watched"]),
-            (("h:1", "--processes", "2", "--process", "1"), ("h:1", 2, 1), False, []),
-            (("auto",), ("auto", None, None), True, ["watched"]),
-        ],
-    )
     def test_the_first_of_several_processes_serves_and_evaluates(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace,
-        cluster: tuple[str, ...], joined: tuple, main: bool, pages: list[str],
-    ) -> None:  # fmt: skip
-        trained.main = main
-        outcome = shell("train", "--watch", "--coordinator", *cluster)
-        assert outcome.status == 0, outcome.err
-        assert called.of("join") == (joined, {})
-        assert called.names.index("join") < called.names.index("begin")
-        assert "start_device" not in called.names  # before joining, this process must not hold a device
-        assert [name for name in called.names if name in ("check_page", "watched")] == pages
-        assert ("evaluate_policy" in called.names) is main
+        self, shell: Shell, called: Recorder, trained: SimpleNamespace
+    ) -> None:
+        for cluster, joined, trained.main, pages in (
+            ("h:1 --processes 2 --process 0", ("h:1", 2, 0), True, ["check_page", "watched"]),
+            ("h:1 --processes 2 --process 1", ("h:1", 2, 1), False, []),
+            ("auto", ("auto", None, None), True, ["watched"]),
+        ):
+            called.calls.clear()
+            outcome = shell("train", "--watch", "--coordinator", *cluster.split())
+            assert outcome.status == 0, outcome.err
+            assert called.of("join") == (joined, {})
+            assert called.names.index("join") < called.names.index("begin")
+            assert "start_device" not in called.names  # before joining, this process must not hold a device
+            assert [name for name in called.names if name in ("check_page", "watched")] == pages
+            assert ("evaluate_policy" in called.names) is trained.main
 
     def test_an_invalid_cluster_is_refused(self, shell: Shell, trained: SimpleNamespace) -> None:
         for options, named in (

@@ -18,36 +18,32 @@ from footfall.common.errors import UserError
 from footfall.pages import beside, page
 
 FREE, TAKEN, NOT_OURS, NO_IPV6 = 0, errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT
-USABLE = ((FREE,), (FREE, FREE), (NOT_OURS, FREE), (FREE, NO_IPV6), (NO_IPV6, FREE))
 ADDRESSES = [
     (socket.AF_INET6, socket.SOCK_STREAM, 6, "", ("::1", 80, 0, 0)),
     (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("127.0.0.1", 80)),
 ]
 
 
-@pytest.mark.parametrize(
-    ("found", "reason"),
-    [
-        *((found, None) for found in USABLE),
+def check(monkeypatch: pytest.MonkeyPatch, *found: int) -> None:
+    """Check a host name of one or two addresses, each in a given state."""
+    refusals = [OSError(code, os.strerror(code)) if code else None for code in found]
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: ADDRESSES[: len(found)])
+    monkeypatch.setattr(page, "_refusal", lambda *_: refusals.pop(0))
+    page.check_page("lab", 80)
+
+
+def test_one_free_address_is_enough_unless_another_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    for found in ((FREE,), (FREE, FREE), (NOT_OURS, FREE), (FREE, NO_IPV6), (NO_IPV6, FREE)):
+        check(monkeypatch, *found)
+    for found, reason in (
         ((TAKEN,), TAKEN),
         ((FREE, TAKEN), TAKEN),  # viser would quietly take another port for one of them
         ((TAKEN, FREE), TAKEN),
         ((NOT_OURS, TAKEN), TAKEN),
         ((NOT_OURS, NOT_OURS), NOT_OURS),
         ((NO_IPV6, NOT_OURS), NO_IPV6),
-    ],
-)
-def test_one_free_address_is_enough_unless_another_is_taken(
-    monkeypatch: pytest.MonkeyPatch, found: tuple[int, ...], reason: int | None
-) -> None:
-    """A host name has one or two addresses, each in a given state."""
-    refusals = [OSError(code, os.strerror(code)) if code else None for code in found]
-    monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: ADDRESSES[: len(found)])
-    monkeypatch.setattr(page, "_refusal", lambda *_: refusals.pop(0))
-    if reason is None:
-        page.check_page("lab", 80)
-    else:
-        assert f"lab:80: {os.strerror(reason)}" in refusal_of(page.check_page, "lab", 80)
+    ):
+        assert f"lab:80: {os.strerror(reason)}" in refusal_of(check, monkeypatch, *found)
 
 
 def test_viser_is_an_extra(shell: Shell, finished: Path, monkeypatch: pytest.MonkeyPatch) -> None:
