@@ -84,7 +84,7 @@ class TestSettings:
         assert settings[timeout] == kept
 
     @pytest.mark.parametrize(("setting", "message"), [(0, "has no"), (20_000, "1 s")])
-    def test_a_motor_that_ignores_it_is_disabled(self, wiring: Wiring, setting: int, message: str) -> None:
+    def test_a_motor_that_ignores_it_is_not_ready(self, wiring: Wiring, setting: int, message: str) -> None:
         """The motor confirms the write, but reports its old setting."""
         driver, end, *_ = with_timeout(wiring, setting)
         for _ in range(8):
@@ -194,8 +194,8 @@ class TestSeveralMakers:
         requests = self.end.requests(driver.command(command))
         received = np.full((5, 12), np.nan)
         received[:, requests.motor] = requests.values
-        both = np.union1d(self.robstride, self.damiao)
-        np.testing.assert_allclose(received[:, both], command[:, both], atol=0.1)
+        polled = np.union1d(self.robstride, self.damiao)
+        np.testing.assert_allclose(received[:, polled], command[:, polled], atol=0.1)
         frames = self.end.reply(slice(None), self.report)
         for times in (None, np.arange(len(frames.id))):
             replies = driver.replies(frames._replace(time_us=times))

@@ -13,7 +13,6 @@ from footfall import Robot, UserError
 from footfall.deploy.drivers import mit
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.drivers.mit_driver import MitDriver
-from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.mit import MitMotorEnd
 
@@ -93,31 +92,19 @@ def test_ranges_and_errors_are_those_of_the_makers_manual(go1: Robot) -> None:
 class TestAddressing:
     """A robot with motors 1 to 3 on each of four buses: joint 4 is the second on bus 1."""
 
-    @pytest.fixture
-    def ends(self, go1: Robot) -> tuple[MitDriver, MitMotorEnd]:
-        return MitDriver(wiring_of(go1)), MitMotorEnd(wiring_of(go1))
-
-    def replies(self, end: MitMotorEnd, *motors: int) -> Frames:
-        values = np.array([[0.1], [0.2], [0.3]]) * motors
-        return end.reply(np.array(motors), report(values, temperature_c=35))
-
-    def test_a_replys_motor_is_known_by_bus_and_id(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
-        driver, end = ends
-        sent = self.replies(end, 4, 1, 11)
-        assert sent.channel.tolist() == [1, 0, 3]
-        assert sent.id.tolist() == [0x102, 0x102, 0x103]
+    def test_a_replys_motor_is_known_by_its_bus_and_its_id_or_the_hosts(self, go1: Robot) -> None:
+        driver, end = MitDriver(wiring_of(go1)), MitMotorEnd(wiring_of(go1))
+        motors = np.array([4, 1, 11, 7])
+        sent = end.reply(motors, report(np.array([[0.1], [0.2], [0.3]]) * motors, temperature_c=35))
+        assert (sent.channel.tolist(), sent.id.tolist()) == ([1, 0, 3, 2], [0x102, 0x102, 0x103, 0x102])
         found = driver.replies(sent)
-        assert found.motor.tolist() == [4, 1, 11]  # type: ignore[union-attr]
-        np.testing.assert_allclose(found.values[0], [0.4, 0.1, 1.1], atol=2e-4)
-        assert found.temperature_c.tolist() == [35] * 3
-
-    def test_a_reply_has_the_hosts_id_or_its_own(self, ends: tuple[MitDriver, MitMotorEnd]) -> None:
-        driver, end = ends
+        assert found.motor.tolist() == [4, 1, 11, 7]  # type: ignore[union-attr]
+        np.testing.assert_allclose(found.values[0], [0.4, 0.1, 1.1, 0.7], atol=2e-4)
+        assert found.temperature_c.tolist() == [35] * 4
         for changes, known in (
             ({"id": np.array([0x000, 0x102, 0x102, 0x555])}, [4, 1]),
             ({"length": np.array([8, 6, 5, 7])}, [4, 1, 7]),
         ):
-            sent = self.replies(end, 4, 1, 11, 7)
             assert driver.replies(sent._replace(**changes)).motor.tolist() == known  # type: ignore[union-attr]
 
     def test_a_motor_of_another_protocol_is_refused_with_its_joint(self, go1: Robot) -> None:

@@ -102,23 +102,20 @@ class TestFrames:
         found = after.voltage[0], after.current_a[0], after.temperature_c[0]
         assert found == (pytest.approx(12.184863), 1.5, 55.0)
 
-    @pytest.mark.parametrize(
-        ("bits", "reason"),
-        [
+    def test_errors_are_bits_of_the_heartbeat(self, driver: OdriveDriver) -> None:
+        for bits, reason in (
             (0x200, "under-voltage"),
             (0x01000000, "timeout"),
             (0x4000, "over-temperature of its power stage"),
             (0x80000000, "error bit 31"),
             (0x6000, "over-temperature of its motor"),  # the lowest of several
             (0, "disabled"),  # it has rebooted
-        ],
-    )
-    def test_errors_are_bits_of_the_heartbeat(self, driver: OdriveDriver, bits: int, reason: str) -> None:
-        driver.replies(heartbeat(1, bits))
-        (error,) = driver.replies(pair(0x069, 0.0, 0.0)).error
-        assert reason in driver.error_name(int(error))
-        driver.replies(heartbeat(8))
-        assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [0]
+        ):
+            driver.replies(heartbeat(1, bits))
+            (error,) = driver.replies(pair(0x069, 0.0, 0.0)).error
+            assert reason in driver.error_name(int(error))
+            driver.replies(heartbeat(8))
+            assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [0]
 
 
 class TestReadings:
@@ -157,7 +154,7 @@ class TestStart:
         assert driver.not_confirmed_off().tolist() == [True, False]
 
     @pytest.mark.parametrize(
-        ("on", "waits_s", "reason"),
+        ("enabled", "timeout_s", "reason"),
         [
             (1, 0.1, ""),
             (1, 0.02, ""),
@@ -167,15 +164,15 @@ class TestStart:
             (1, 0.0, "watchdog of 0 s"),
         ],
     )
-    def test_a_watchdog_is_read_and_has_limits(self, on: int, waits_s: float, reason: str) -> None:
-        """The knee's endpoints are 0x19a (a switch of one byte) and 0x199, little-endian, after a 0: read."""
+    def test_a_watchdog_is_read_and_has_limits(self, enabled: int, timeout_s: float, reason: str) -> None:
+        """Queries read the knee's endpoints 0x19a, a switch of one byte, and 0x199, little-endian."""
         driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
         answer_all(driver)
         assert "watchdog" in driver.not_ready()
         assert hexed(driver.query_settings())[2:] == [(0x064, "00 9a 01 00")]
-        assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, on]), 1)).values.size
+        assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, enabled]), 1)).values.size
         assert hexed(driver.query_settings())[2:] == [(0x064, "00 99 01 00")]
-        driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", waits_s), 1))
+        driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", timeout_s), 1))
         assert reason in driver.not_ready() if reason else driver.not_ready() == ""
         assert len(driver.query_settings().id) == 2  # nothing is left to be read
 

@@ -58,22 +58,17 @@ def found(robot: Robot, row: str = "", value: float = 0.0) -> str:
 
 
 class TestFigures:
-    @pytest.mark.parametrize(
-        ("row", "allowed", "beyond", "message"),
-        [
+    def test_a_motors_limits_bound_its_readings(self, go1: Robot) -> None:
+        for row, allowed, beyond, message in (
             ("velocity", -1.49 * 20.06, -1.51 * 20.06, "30.3 rad/s"),
             ("torque", 1.19 * 35.55, 1.21 * 35.55, "43.0 N m"),
             ("torque", -1.19 * 35.55, -1.21 * 35.55, "43.0 N m"),
             ("temperature_c", 85.0, 86.0, "86 degrees Celsius"),
-        ],
-    )
-    def test_a_motors_limits_bound_its_readings(
-        self, go1: Robot, row: str, allowed: float, beyond: float, message: str
-    ) -> None:
-        assert found(go1, row, allowed) == ""
-        fault = found(go1, row, beyond)
-        assert fault.startswith("FR_calf_joint (can0, id 3)")
-        assert message in fault
+        ):
+            assert found(go1, row, allowed) == ""
+            fault = found(go1, row, beyond)
+            assert fault.startswith("FR_calf_joint (can0, id 3)")
+            assert message in fault
 
     @pytest.mark.parametrize(("voltage", "off"), [(9.5, "0.5 V"), (10.0, ""), (14.8, ""), (16.8, "2.0 V")])
     def test_a_supply_has_to_be_in_the_motors_range(self, go1: Robot, voltage: float, off: str) -> None:

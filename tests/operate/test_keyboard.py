@@ -4,7 +4,6 @@ import os
 import pty
 import termios
 import time
-from collections.abc import Iterator
 
 import pytest
 from walking_run import WALKING, abilities, polled_until
@@ -17,16 +16,6 @@ from footfall.operate.operator import Operator
 from footfall.policies.live_settings import Applied
 
 QUICK = KeyboardConfig(speed_share=0.5, first_s=1.0, again_s=0.1, rate_hz=100.0)
-
-
-@pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[int, int]]:
-    """Both ends of a terminal: the user's end, and the end of a program that controls the terminal."""
-    monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp())  # the tests' process does not control it
-    person, program = pty.openpty()
-    yield person, program
-    os.close(person)
-    os.close(program)
 
 
 def keyboard_of(inbox: Inbox, config: KeyboardConfig, status: Status = WALKING) -> Keyboard:
@@ -52,10 +41,10 @@ def test_a_key_is_held_for_as_long_as_it_is_repeated() -> None:
         assert inbox.poll(WALKING).velocity[0] == velocity, now_s
 
 
-def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> None:
-    person, program = terminal
-    before = termios.tcgetattr(program)
-    inbox = Inbox()
+def test_keys_move_the_robot_and_silence_stops_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp())  # the tests' process does not control it
+    person, program = pty.openpty()  # ends of a terminal
+    before, inbox = termios.tcgetattr(program), Inbox()
     inbox.poll(WALKING)
     with steered_by_keyboard(inbox, abilities, QUICK, program):
         os.write(person, b"w")
@@ -75,6 +64,8 @@ def test_keys_move_the_robot_and_silence_stops_it(terminal: tuple[int, int]) -> 
         os.write(person, b"x")
         polled_until(inbox, lambda _: inbox.stopped)
     assert termios.tcgetattr(program) == before
+    os.close(person)
+    os.close(program)
 
 
 def test_keys_change_the_gait_from_the_one_that_the_robot_has() -> None:
