@@ -72,9 +72,8 @@ def controller(bitrate: int = 1_000_000, state: str = "ERROR-ACTIVE") -> dict[st
 UP = "ip link set can1 up type can bitrate 1000000 restart-ms 100"
 
 
-@pytest.mark.parametrize(
-    ("second", "details", "commands"),
-    [
+def test_can_interfaces_that_are_not_ready_are_reported_with_the_remedy(tmp_path: Path) -> None:
+    rows: list[tuple[dict[str, str], dict[str, Any], list[str]]] = [
         ({}, {}, []),
         (link("eth0", queue=10, kind=1), {}, []),
         (link("can1"), controller(), []),
@@ -82,15 +81,13 @@ UP = "ip link set can1 up type can bitrate 1000000 restart-ms 100"
         (link("can1"), controller(500_000), ["ip link set can1 down", UP]),
         (link("can1"), controller(state="BUS-OFF"), ["ip link set can1 type can restart"]),
         (link("can1"), controller(state="ERROR-PASSIVE"), ["120 ohm"]),
-    ],
-)
-def test_can_interfaces_that_are_not_ready_are_reported_with_the_remedy(
-    tmp_path: Path, second: dict[str, str], details: dict[str, Any], commands: list[str]
-) -> None:
-    root = kernel_files(tmp_path, {**link("can0"), **second})
-    finding = robot_computer.check_can(root, details=lambda: {"can1": details} if details else {})
-    assert finding.good is not bool(commands)
-    assert [command for command in commands if command not in finding.advice] == []
+    ]
+    for k, (second, details, commands) in enumerate(rows):
+        root = kernel_files(tmp_path / str(k), {**link("can0"), **second})
+        found = {"can1": details} if details else {}
+        finding = robot_computer.check_can(root, details=lambda found=found: found)
+        assert finding.good is not bool(commands)
+        assert [command for command in commands if command not in finding.advice] == []
 
 
 def test_a_kernel_without_can_is_reported(tmp_path: Path) -> None:
