@@ -183,21 +183,15 @@ class Mine:
 """
 
 
-@pytest.mark.parametrize(
-    ("act", "state", "status"),
-    [
+def test_a_policy_that_exits_the_process_has_failed(walk: list[str], tmp_path: Path) -> None:
+    walk[walk.index("stand")] = "mine:Mine"
+    for act, state, status in (
         ("os._exit(0)", "ESTOP", 1),
         # SIGALRM without an alarm, SIGUSR1
         ("os.kill(os.getpid(), 14); os.kill(os.getpid(), 10); os.fork()", "IDLE", 0),
-    ],
-    ids=["os._exit", "signals and fork"],
-)
-def test_a_policy_that_exits_the_process_has_failed(
-    walk: list[str], tmp_path: Path, act: str, state: str, status: int
-) -> None:
-    (tmp_path / "mine.py").write_text(POLICY.format(act=act))
-    walk[walk.index("stand")] = "mine:Mine"
-    done = python(*walk[1:], "1", cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (status, "")
-    assert figures(tmp_path)["final_state"] == state
-    assert state in done.stdout
+    ):
+        (tmp_path / "mine.py").write_text(POLICY.format(act=act))
+        done = python(*walk[1:], "1", cwd=tmp_path)
+        assert (done.returncode, done.stderr) == (status, "")
+        assert figures(tmp_path)["final_state"] == state
+        assert state in done.stdout
