@@ -45,57 +45,59 @@ def winding_of(robot: Robot) -> Winding:
     return robot.winding
 
 
-class TestModel:
-    @pytest.mark.parametrize("steps", [1, 7, 1000])
-    def test_a_constant_torque_warms_with_the_time_constant(self, heated: Robot, steps: int) -> None:
-        """After R_th C the rise is 1 - 1/e of R_th R I^2, in steps of any length."""
-        winding, torque = winding_of(heated), 6.0
-        temperature_c = np.full(N, 25.0)
-        for _ in range(steps):
-            temperature_c = warmed(temperature_c, np.full(N, torque**2), winding, TIME_CONSTANT_S / steps)
-        motors = [heated.description.motors[joint.motor] for joint in heated.description.joints]
-        current_a = np.array([torque / (m.torque_constant_nm_a * m.gear_ratio) for m in motors])
-        loss_w = np.array([m.winding_resistance_ohm for m in motors]) * current_a**2
-        np.testing.assert_allclose(temperature_c - 25.0, 2.0 * loss_w * (1 - np.exp(-1)), rtol=1e-12)
-
-    def test_the_current_limit_falls_between_two_temperatures(self, heated: Robot) -> None:
-        for temperature_c, share in ((25.0, 1.0), (80.0, 1.0), (90.0, 0.75), (120.0, 0.0), (150.0, 0.0)):
-            left = torque_share(np.full(N, temperature_c), winding_of(heated))
-            np.testing.assert_allclose(left, share, rtol=1e-12)
-
-    def test_a_motor_without_current_cools_to_the_air(self, heated: Robot) -> None:
-        cooled = warmed(np.full(N, 125.0), np.zeros(N), winding_of(heated), 2 * TIME_CONSTANT_S)
-        np.testing.assert_allclose(cooled, 25.0 + 100.0 * np.exp(-2), rtol=1e-12)
-
-    def test_without_derating_a_hot_motor_has_its_full_torque(self, go1: Robot) -> None:
-        winding = winding_of(warm(go1, derating_c=None))
-        np.testing.assert_array_equal(torque_share(np.full(N, 500.0), winding), 1.0)
+@pytest.mark.parametrize("steps", [1, 7, 1000])
+def test_a_constant_torque_warms_with_the_time_constant(heated: Robot, steps: int) -> None:
+    """After R_th C the rise is 1 - 1/e of R_th R I^2, in steps of any length."""
+    winding, torque = winding_of(heated), 6.0
+    temperature_c = np.full(N, 25.0)
+    for _ in range(steps):
+        temperature_c = warmed(temperature_c, np.full(N, torque**2), winding, TIME_CONSTANT_S / steps)
+    motors = [heated.description.motors[joint.motor] for joint in heated.description.joints]
+    current_a = np.array([torque / (m.torque_constant_nm_a * m.gear_ratio) for m in motors])
+    loss_w = np.array([m.winding_resistance_ohm for m in motors]) * current_a**2
+    np.testing.assert_allclose(temperature_c - 25.0, 2.0 * loss_w * (1 - np.exp(-1)), rtol=1e-12)
 
 
-class TestDeclaration:
-    @pytest.mark.parametrize(
-        ("given", "complaint"),
-        [
-            ({"thermal_resistance_k_w": 2.0}, "thermal_capacity_j_k"),
-            ({"derating_c": [80.0, 120.0]}, "thermal_resistance_k_w"),
-            (
-                {"thermal_resistance_k_w": 2.0, "thermal_capacity_j_k": 5.0, "derating_c": [80.0, 80.0]},
-                "derating_c",
-            ),
-        ],
-    )
-    def test_half_a_model_is_refused(self, own_folder: Path, given: dict, complaint: str) -> None:
-        with content_of(own_folder / "robot.yaml") as content:
-            next(iter(content["motors"].values())).update(given)
-        with pytest.raises(UserError, match=complaint):
-            load_robot(own_folder)
+def test_the_current_limit_falls_between_two_temperatures(heated: Robot) -> None:
+    for temperature_c, share in ((25.0, 1.0), (80.0, 1.0), (90.0, 0.75), (120.0, 0.0), (150.0, 0.0)):
+        left = torque_share(np.full(N, temperature_c), winding_of(heated))
+        np.testing.assert_allclose(left, share, rtol=1e-12)
 
-    def test_a_drawn_winding_temperature_needs_a_thermal_model(self, go1: Robot) -> None:
-        with pytest.raises(UserError, match=r"winding_rise_k.*thermal_resistance_k_w"):
-            walk(go1, {"winding_rise_k": np.full(N, 10.0)})
-        config = replace(CONFIG, randomisation=Randomisation(winding_rise_k=Distribution(0.0, 50.0)))
-        with pytest.raises(UserError, match=r"winding_rise_k.*thermal_resistance_k_w"):
-            LocomotionEnv(go1, config)
+
+def test_a_motor_without_current_cools_to_the_air(heated: Robot) -> None:
+    cooled = warmed(np.full(N, 125.0), np.zeros(N), winding_of(heated), 2 * TIME_CONSTANT_S)
+    np.testing.assert_allclose(cooled, 25.0 + 100.0 * np.exp(-2), rtol=1e-12)
+
+
+def test_without_derating_a_hot_motor_has_its_full_torque(go1: Robot) -> None:
+    winding = winding_of(warm(go1, derating_c=None))
+    np.testing.assert_array_equal(torque_share(np.full(N, 500.0), winding), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ({"thermal_resistance_k_w": 2.0}, "thermal_capacity_j_k"),
+        ({"derating_c": [80.0, 120.0]}, "thermal_resistance_k_w"),
+        (
+            {"thermal_resistance_k_w": 2.0, "thermal_capacity_j_k": 5.0, "derating_c": [80.0, 80.0]},
+            "derating_c",
+        ),
+    ],
+)
+def test_half_a_model_is_refused(own_folder: Path, given: dict, complaint: str) -> None:
+    with content_of(own_folder / "robot.yaml") as content:
+        next(iter(content["motors"].values())).update(given)
+    with pytest.raises(UserError, match=complaint):
+        load_robot(own_folder)
+
+
+def test_a_drawn_winding_temperature_needs_a_thermal_model(go1: Robot) -> None:
+    with pytest.raises(UserError, match=r"winding_rise_k.*thermal_resistance_k_w"):
+        walk(go1, {"winding_rise_k": np.full(N, 10.0)})
+    config = replace(CONFIG, randomisation=Randomisation(winding_rise_k=Distribution(0.0, 50.0)))
+    with pytest.raises(UserError, match=r"winding_rise_k.*thermal_resistance_k_w"):
+        LocomotionEnv(go1, config)
 
 
 def walk(robot: Robot, sample: dict[str, np.ndarray], **settings: object) -> SimpleNamespace:
@@ -110,41 +112,44 @@ def walk(robot: Robot, sample: dict[str, np.ndarray], **settings: object) -> Sim
     return SimpleNamespace(trace=trace, reported_c=seen[-2])
 
 
-class TestBehindTheBus:
-    def motors(self, robot: Robot, sample: dict[str, np.ndarray]) -> SimulatedMotors:
-        end = open_motor_end(wiring_of(robot))
-        return SimulatedMotors(end, robot.motor, N, sample, STEP_S, winding=robot.winding)
+def motors_behind_bus(robot: Robot, sample: dict[str, np.ndarray]) -> SimulatedMotors:
+    end = open_motor_end(wiring_of(robot))
+    return SimulatedMotors(end, robot.motor, N, sample, STEP_S, winding=robot.winding)
 
-    def held(self, motors: SimulatedMotors, torque: float, seconds: float) -> np.ndarray:
-        """Final torque of enabled motors at rest after a constant commanded torque."""
-        motors.enabled[:] = True
-        motors._note_enabled()
-        motors._watchdog.check = lambda *_: None  # type: ignore[method-assign]
-        motors._values[4] = torque
-        for step in range(round(seconds / STEP_S)):
-            given = motors.torque(step, np.zeros(N), np.zeros(N))
-        return given
 
-    def test_a_held_torque_warms_with_the_time_constant(self, heated: Robot) -> None:
-        motors = self.motors(heated, {"ambient_k": np.array(-15.0), "winding_heating": np.full(N, 1.5)})
-        self.held(motors, 4.0, TIME_CONSTANT_S)
-        rise = 1.5 * winding_of(heated).heating * 16.0 * (1 - np.exp(-1))
-        np.testing.assert_allclose(motors.drivetrain.winding_c, 10.0 + rise, rtol=1e-9)
+def held(motors: SimulatedMotors, torque: float, seconds: float) -> np.ndarray:
+    """Final torque of enabled motors at rest after a constant commanded torque."""
+    motors.enabled[:] = True
+    motors._note_enabled()
+    motors._watchdog.check = lambda *_: None  # type: ignore[method-assign]
+    motors._values[4] = torque
+    for step in range(round(seconds / STEP_S)):
+        given = motors.torque(step, np.zeros(N), np.zeros(N))
+    return given
 
-    def test_a_hot_motor_delivers_its_derated_torque(self, heated: Robot) -> None:
-        motors = self.motors(heated, {"winding_rise_k": np.full(N, 75.0)})  # 100 degrees: half the current
-        given = self.held(motors, 100.0, STEP_S)
-        np.testing.assert_allclose(given, 0.5 * heated.motor.peak_torque)
 
-    def test_the_robot_walks_and_reports_its_temperatures(self, heated: Robot) -> None:
-        """Motors are hot at first and cool; those with a load cool less. A frame has whole degrees."""
-        found = walk(heated, {"winding_rise_k": np.full(N, 35.0)})
-        assert not found.trace.fell
-        assert not found.trace.faults
-        assert (found.reported_c == np.rint(found.reported_c)).all()
-        cooled = 25.0 + 35.0 * np.exp(-found.trace.run_s / TIME_CONSTANT_S)
-        assert found.reported_c.min() >= np.rint(cooled)
-        assert found.reported_c.max() >= cooled + 2.0
+def test_a_held_torque_warms_with_the_time_constant(heated: Robot) -> None:
+    motors = motors_behind_bus(heated, {"ambient_k": np.array(-15.0), "winding_heating": np.full(N, 1.5)})
+    held(motors, 4.0, TIME_CONSTANT_S)
+    rise = 1.5 * winding_of(heated).heating * 16.0 * (1 - np.exp(-1))
+    np.testing.assert_allclose(motors.drivetrain.winding_c, 10.0 + rise, rtol=1e-9)
+
+
+def test_a_hot_motor_delivers_its_derated_torque(heated: Robot) -> None:
+    motors = motors_behind_bus(heated, {"winding_rise_k": np.full(N, 75.0)})  # 100 degrees: half the current
+    given = held(motors, 100.0, STEP_S)
+    np.testing.assert_allclose(given, 0.5 * heated.motor.peak_torque)
+
+
+def test_the_robot_walks_and_reports_its_temperatures(heated: Robot) -> None:
+    """Motors are hot at first and cool; those with a load cool less. A frame has whole degrees."""
+    found = walk(heated, {"winding_rise_k": np.full(N, 35.0)})
+    assert not found.trace.fell
+    assert not found.trace.faults
+    assert (found.reported_c == np.rint(found.reported_c)).all()
+    cooled = 25.0 + 35.0 * np.exp(-found.trace.run_s / TIME_CONSTANT_S)
+    assert found.reported_c.min() >= np.rint(cooled)
+    assert found.reported_c.max() >= cooled + 2.0
 
 
 def test_training_and_bus_have_the_same_thermal_model(heated: Robot) -> None:

@@ -29,35 +29,36 @@ def test_sides_are_read_from_names() -> None:
         assert side_letters(names) == sides
 
 
-class TestTurned:
-    def test_a_base_with_left_legs_on_its_right_is_turned_with_a_note(self, tmp_path: Path) -> None:
-        machine, guesses = build_machine(read(tmp_path, renamed(BIPED_MJCF)), "m")
-        assert "-x axis pointing forward" in guesses[0]
-        assert "--forward x" in guesses[0]
-        assert "its x axis pointing forward, z up" in build_machine(read(tmp_path, BIPED_MJCF), "m")[1][0]
-        kept, guesses = build_machine(read(tmp_path, renamed(BIPED_MJCF)), "m", forward="x")
-        assert "its x axis" in guesses[0]
-        turned_link, kept_link = (
-            next(li for li in m.links if li.name == "left_hip_link") for m in (machine, kept)
-        )
-        assert turned_link.position == pytest.approx(kept_link.position * [-1.0, -1.0, 1.0])
-        assert machine.links[0].centre == pytest.approx(kept.links[0].centre * [-1.0, -1.0, 1.0])
+def test_a_base_with_left_legs_on_its_right_is_turned_with_a_note(tmp_path: Path) -> None:
+    machine, guesses = build_machine(read(tmp_path, renamed(BIPED_MJCF)), "m")
+    assert "-x axis pointing forward" in guesses[0]
+    assert "--forward x" in guesses[0]
+    assert "its x axis pointing forward, z up" in build_machine(read(tmp_path, BIPED_MJCF), "m")[1][0]
+    kept, guesses = build_machine(read(tmp_path, renamed(BIPED_MJCF)), "m", forward="x")
+    assert "its x axis" in guesses[0]
+    turned_link, kept_link = (
+        next(li for li in m.links if li.name == "left_hip_link") for m in (machine, kept)
+    )
+    assert turned_link.position == pytest.approx(kept_link.position * [-1.0, -1.0, 1.0])
+    assert machine.links[0].centre == pytest.approx(kept.links[0].centre * [-1.0, -1.0, 1.0])
 
-    def test_a_file_whose_y_axis_points_up(self, tmp_path: Path) -> None:
-        """Without the option no limb is below the base.
 
-        With the option the machine equals that of the file with z up.
-        """
-        upright = read(tmp_path, BIPED_MJCF)
-        lying = with_base_axes(upright, base_of(upright.model), "x", "-y")
-        with pytest.raises(UserError, match="--up"):
-            build_machine(lying, "m")
-        machine, guesses = build_machine(lying, "m", forward="x", up="y")
-        assert "y up" in guesses[0]
-        for link, expected in zip(machine.links, build_machine(upright, "m")[0].links, strict=True):
-            assert link.position == pytest.approx(expected.position, abs=1e-9)
-            assert link.inertia == pytest.approx(expected.inertia, abs=1e-9)
+def test_a_file_whose_y_axis_points_up(tmp_path: Path) -> None:
+    """Without the option no limb is below the base.
 
-    def test_forward_and_up_are_two_axes(self, tmp_path: Path) -> None:
-        with pytest.raises(UserError):
-            build_machine(read(tmp_path, BIPED_MJCF), "m", forward="-y", up="y")
+    With the option the machine equals that of the file with z up.
+    """
+    upright = read(tmp_path, BIPED_MJCF)
+    lying = with_base_axes(upright, base_of(upright.model), "x", "-y")
+    with pytest.raises(UserError, match="--up"):
+        build_machine(lying, "m")
+    machine, guesses = build_machine(lying, "m", forward="x", up="y")
+    assert "y up" in guesses[0]
+    for link, expected in zip(machine.links, build_machine(upright, "m")[0].links, strict=True):
+        assert link.position == pytest.approx(expected.position, abs=1e-9)
+        assert link.inertia == pytest.approx(expected.inertia, abs=1e-9)
+
+
+def test_forward_and_up_are_two_axes(tmp_path: Path) -> None:
+    with pytest.raises(UserError):
+        build_machine(read(tmp_path, BIPED_MJCF), "m", forward="-y", up="y")

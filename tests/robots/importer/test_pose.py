@@ -26,62 +26,67 @@ def walker(knee: str = "-2 -0.4") -> str:
     return on_base(limbs)
 
 
-class TestPose:
-    def pose(self, tmp_path: Path, text: str) -> Pose:
-        return standing_pose(build_machine(read(tmp_path, text), "m")[0])
+def pose_of(tmp_path: Path, text: str) -> Pose:
+    return standing_pose(build_machine(read(tmp_path, text), "m")[0])
 
-    def test_a_given_pose_that_folds_the_legs_is_not_taken(self, tmp_path: Path) -> None:
-        machine, _ = build_machine(read(tmp_path, walker(knee="-3 -0.4")), "m")
-        given = {each.name: 0.0 for each in machine.hinges}
-        folded = standing_pose(machine, given | {name: -2.6 for name in given if "knee" in name})
-        assert not folded.given
-        assert folded == standing_pose(machine)
 
-    def test_joints_outside_legs_are_as_near_to_zero_as_possible(self, tmp_path: Path) -> None:
-        """Both legs of the biped hang on a waist."""
-        pose = self.pose(tmp_path, UNUSUAL)
-        assert pose.joints["waist"] == pytest.approx(0.2)
+def test_a_given_pose_that_folds_the_legs_is_not_taken(tmp_path: Path) -> None:
+    machine, _ = build_machine(read(tmp_path, walker(knee="-3 -0.4")), "m")
+    given = {each.name: 0.0 for each in machine.hinges}
+    folded = standing_pose(machine, given | {name: -2.6 for name in given if "knee" in name})
+    assert not folded.given
+    assert folded == standing_pose(machine)
 
-    def test_a_given_pose_is_kept_within_94_hundredths_of_each_range(self, tmp_path: Path) -> None:
-        machine, _ = build_machine(read(tmp_path, walker()), "m")
-        given = {each.name: 0.3 for each in machine.hinges} | {"rl_knee": -3.0, "fr_knee": -1.0}
-        pose = standing_pose(machine, given)
-        assert (pose.joints["fl_hip"], pose.joints["fr_knee"]) == pytest.approx((0.3, -1.0))
-        assert pose.joints["rl_knee"] == pytest.approx(-1.2 - 0.94 * 0.8)
-        assert pose.joints["fl_knee"] == pytest.approx(-1.2 + 0.94 * 0.8)
 
-    def searches(self, tmp_path: Path, text: str) -> tuple[mujoco.MjModel, mujoco.MjData, list[LegSearch]]:
-        machine, _ = build_machine(read(tmp_path, text), "m")
-        model = mujoco.MjModel.from_xml_string(model_xml(machine))
-        data = mujoco.MjData(model)
-        mujoco.mj_kinematics(model, data)
-        return model, data, [LegSearch(model, data, leg) for leg in machine.legs]
+def test_joints_outside_legs_are_as_near_to_zero_as_possible(tmp_path: Path) -> None:
+    """Both legs of the biped hang on a waist."""
+    pose = pose_of(tmp_path, UNUSUAL)
+    assert pose.joints["waist"] == pytest.approx(0.2)
 
-    @pytest.mark.parametrize(("other", "across"), [(1, -1.0), (2, 1.0), (3, -1.0)])
-    def test_a_legs_pose_equals_another_legs_or_its_mirror_image(
-        self, tmp_path: Path, other: int, across: float
-    ) -> None:
-        """The hinges may have the opposite direction and another zero."""
-        text = walker()
-        for name in ("fr", "rl"):
-            text = text.replace(f'"{name}_hip" axis="0 1 0"', f'"{name}_hip" axis="0 -1 0" ref="0.4"')
-        model, data, legs = self.searches(tmp_path, text)
-        angles = legs[0].zero + np.array([0.3, -0.5, -0.9])
-        data.qpos[legs[0].at], data.qpos[legs[other].at] = angles, legs[other].like(legs[0], angles)
-        mujoco.mj_kinematics(model, data)
-        first, second = (leg.foot(data) - [*leg.hip[:2], 0.0] for leg in (legs[0], legs[other]))
-        np.testing.assert_allclose(second, first * [1.0, across, 1.0], atol=1e-6)
 
-    def test_a_foot_stands_below_its_position_at_zero_and_a_spread_leg_closer(self, tmp_path: Path) -> None:
-        """A leg 0.4 m long that reaches 0.1 m down is spread. Its foot stands at 0.7 of the 0.3 m."""
+def test_a_given_pose_is_kept_within_94_hundredths_of_each_range(tmp_path: Path) -> None:
+    machine, _ = build_machine(read(tmp_path, walker()), "m")
+    given = {each.name: 0.3 for each in machine.hinges} | {"rl_knee": -3.0, "fr_knee": -1.0}
+    pose = standing_pose(machine, given)
+    assert (pose.joints["fl_hip"], pose.joints["fr_knee"]) == pytest.approx((0.3, -1.0))
+    assert pose.joints["rl_knee"] == pytest.approx(-1.2 - 0.94 * 0.8)
+    assert pose.joints["fl_knee"] == pytest.approx(-1.2 + 0.94 * 0.8)
 
-        def spread(name: str, y: float, down: float) -> str:
-            aside = np.sign(y) * np.sqrt(0.16 - down**2)
-            return f"""<body name="{name}" pos="0.1 {y} 0">
-              <joint name="{name}_hip" axis="0 0 1" range="-1 1"/>
-              <geom name="{name}_foot" size="0.02" pos="0 {aside} {-down}" mass="0.1"/></body>"""
 
-        _, _, legs = self.searches(tmp_path, on_base(spread("a", 0.1, 0.1), spread("b", -0.1, 0.2)))
-        aside = np.sqrt(0.16 - 0.1**2)
-        np.testing.assert_allclose(legs[0].natural_position(), [0.1, 0.1 + 0.7 * aside], atol=1e-5)
-        np.testing.assert_allclose(legs[1].natural_position(), [0.1, -0.1 - np.sqrt(0.12)], atol=1e-5)
+def searches(tmp_path: Path, text: str) -> tuple[mujoco.MjModel, mujoco.MjData, list[LegSearch]]:
+    machine, _ = build_machine(read(tmp_path, text), "m")
+    model = mujoco.MjModel.from_xml_string(model_xml(machine))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return model, data, [LegSearch(model, data, leg) for leg in machine.legs]
+
+
+@pytest.mark.parametrize(("other", "across"), [(1, -1.0), (2, 1.0), (3, -1.0)])
+def test_a_legs_pose_equals_another_legs_or_its_mirror_image(
+    tmp_path: Path, other: int, across: float
+) -> None:
+    """The hinges may have the opposite direction and another zero."""
+    text = walker()
+    for name in ("fr", "rl"):
+        text = text.replace(f'"{name}_hip" axis="0 1 0"', f'"{name}_hip" axis="0 -1 0" ref="0.4"')
+    model, data, legs = searches(tmp_path, text)
+    angles = legs[0].zero + np.array([0.3, -0.5, -0.9])
+    data.qpos[legs[0].at], data.qpos[legs[other].at] = angles, legs[other].like(legs[0], angles)
+    mujoco.mj_kinematics(model, data)
+    first, second = (leg.foot(data) - [*leg.hip[:2], 0.0] for leg in (legs[0], legs[other]))
+    np.testing.assert_allclose(second, first * [1.0, across, 1.0], atol=1e-6)
+
+
+def test_a_foot_stands_below_its_position_at_zero_and_a_spread_leg_closer(tmp_path: Path) -> None:
+    """A leg 0.4 m long that reaches 0.1 m down is spread. Its foot stands at 0.7 of the 0.3 m."""
+
+    def spread(name: str, y: float, down: float) -> str:
+        aside = np.sign(y) * np.sqrt(0.16 - down**2)
+        return f"""<body name="{name}" pos="0.1 {y} 0">
+          <joint name="{name}_hip" axis="0 0 1" range="-1 1"/>
+          <geom name="{name}_foot" size="0.02" pos="0 {aside} {-down}" mass="0.1"/></body>"""
+
+    _, _, legs = searches(tmp_path, on_base(spread("a", 0.1, 0.1), spread("b", -0.1, 0.2)))
+    aside = np.sqrt(0.16 - 0.1**2)
+    np.testing.assert_allclose(legs[0].natural_position(), [0.1, 0.1 + 0.7 * aside], atol=1e-5)
+    np.testing.assert_allclose(legs[1].natural_position(), [0.1, -0.1 - np.sqrt(0.12)], atol=1e-5)

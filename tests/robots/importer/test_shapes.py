@@ -7,35 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from footfall.robots.importer import shapes
 from footfall.robots.importer.pose import lowest_height
-from footfall.robots.importer.shapes import (
-    Kind,
-    Shape,
-    fit_along,
-    fit_shape,
-    fit_sole,
-    lowest_point,
-    rotation_of,
-    support,
-)
-
-
-class TestShapes:
-    TURN = Rotation.from_euler("xyz", [0.4, -0.7, 1.1]).as_matrix()
-    PLACE = np.array([0.3, -0.2, 0.5])
-
-    def cloud(self) -> np.ndarray:
-        points = np.random.default_rng(1).normal(size=(6000, 3))
-        return points / np.linalg.norm(points, axis=1, keepdims=True)
-
-    def test_a_rod_at_an_angle_is_found(self) -> None:
-        points = 0.02 * self.cloud()
-        points[:, 2] += 0.1 * np.sign(points[:, 2])
-        shape, _ = fit_shape(points @ self.TURN.T + self.PLACE)
-        assert shape.kind == Kind.mjGEOM_CAPSULE
-        assert shape.size[:2] == pytest.approx([0.02, 0.1], rel=0.03)
-        assert abs(rotation_of(shape.quaternion)[:, 2] @ self.TURN[:, 2]) == pytest.approx(1.0, abs=1e-3)
-
+from footfall.robots.importer.shapes import Kind, Shape, fit_along, fit_shape, rotation_of
 
 UP = np.array([0.0, 0.0, 1.0])
 TURN = Rotation.from_euler("xyz", [0.4, -0.7, 1.1])
@@ -75,10 +49,18 @@ def test_a_shape_reaches_to_its_surface(kind: mujoco.mjtGeom, size: tuple[float,
     up = sign * np.array([0.8, 0.36, 0.48])
     shape = Shape(kind, np.array(size), PLACE, TURN.as_quat(scalar_first=True))
     points = TURN.apply(surface(kind, size)) + PLACE
-    assert support(shape, up) == pytest.approx(((points - PLACE) @ up).max(), abs=2e-4)
-    lowest = lowest_point(shape, up)
+    assert shapes.support(shape, up) == pytest.approx(((points - PLACE) @ up).max(), abs=2e-4)
+    lowest = shapes.lowest_point(shape, up)
     assert lowest @ up == pytest.approx((points @ up).min(), abs=2e-4)
     np.testing.assert_allclose(lowest, points[(points @ up).argmin()], atol=3e-3)
+
+
+def test_a_rod_at_an_angle_is_found() -> None:
+    points = TURN.apply(surface(Kind.mjGEOM_CAPSULE, (0.02, 0.1))[:6000]) + PLACE
+    shape, _ = fit_shape(points)
+    assert shape.kind == Kind.mjGEOM_CAPSULE
+    assert shape.size[:2] == pytest.approx([0.02, 0.1], rel=0.03)
+    assert abs(rotation_of(shape.quaternion)[:, 2] @ TURN.apply(UP)) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_rotated_box_is_found_along_its_own_axes() -> None:
@@ -92,7 +74,7 @@ def test_a_sole_points_where_the_links_x_axis_does() -> None:
     """A sole of 0.2 by 0.08 m on an ankle that is tilted a little about both axes."""
     frame = Rotation.from_euler("XY", [0.1, 0.3])
     corners = np.array([[x, y, 0.0] for x in (-0.05, 0.15) for y in (-0.04, 0.04)])
-    shape = fit_sole(frame.apply(corners) + PLACE, frame.apply(UP))
+    shape = shapes.fit_sole(frame.apply(corners) + PLACE, frame.apply(UP))
     assert shape.size == pytest.approx([0.1, 0.04, 0.01])
     np.testing.assert_allclose(shape.position, frame.apply([0.05, 0.0, 0.01]) + PLACE, atol=1e-9)
 
@@ -111,23 +93,24 @@ def test_a_turned_ellipsoid_is_as_low_as_its_surface() -> None:
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-class TestFitAlong:
-    def sphere(self, radius: float, z: float) -> Shape:
-        return Shape(Kind.mjGEOM_SPHERE, np.array([radius, 0.0, 0.0]), np.array([0.0, 0.0, z]), UPRIGHT)
+def sphere(radius: float, z: float) -> Shape:
+    return Shape(Kind.mjGEOM_SPHERE, np.array([radius, 0.0, 0.0]), np.array([0.0, 0.0, z]), UPRIGHT)
 
-    def test_a_rod_is_found_in_any_direction(self) -> None:
-        turn = np.array([0.8, 0.1, -0.5, 0.3]) / np.linalg.norm([0.8, 0.1, -0.5, 0.3])
-        rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.array([0.02, 0.03, 0.04]), turn)
-        axis = rotation_of(turn)[:, 2]
-        for direction in (axis, -3.0 * axis):
-            found = fit_along([rod], direction)
-            assert found.kind == Kind.mjGEOM_CAPSULE
-            assert found.size == pytest.approx([0.01, 0.1, 0.0], abs=1e-6)
-            assert found.position == pytest.approx(rod.position, abs=1e-6)
-            assert abs(rotation_of(found.quaternion)[:, 2] @ axis) == pytest.approx(1.0)
 
-    def test_a_rod_with_a_sphere_at_its_end_is_as_thick_as_their_mean(self) -> None:
-        rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.zeros(3), UPRIGHT)
-        found = fit_along([rod, self.sphere(0.02, -0.1)], np.array([0.0, 0.0, 1.0]))
-        assert found.size[0] == pytest.approx(0.015, abs=1e-3)
-        assert found.size[1] == pytest.approx(0.1, abs=2e-3)
+def test_a_rod_is_found_in_any_direction() -> None:
+    turn = np.array([0.8, 0.1, -0.5, 0.3]) / np.linalg.norm([0.8, 0.1, -0.5, 0.3])
+    rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.array([0.02, 0.03, 0.04]), turn)
+    axis = rotation_of(turn)[:, 2]
+    for direction in (axis, -3.0 * axis):
+        found = fit_along([rod], direction)
+        assert found.kind == Kind.mjGEOM_CAPSULE
+        assert found.size == pytest.approx([0.01, 0.1, 0.0], abs=1e-6)
+        assert found.position == pytest.approx(rod.position, abs=1e-6)
+        assert abs(rotation_of(found.quaternion)[:, 2] @ axis) == pytest.approx(1.0)
+
+
+def test_a_rod_with_a_sphere_at_its_end_is_as_thick_as_their_mean() -> None:
+    rod = Shape(Kind.mjGEOM_CAPSULE, np.array([0.01, 0.1, 0.0]), np.zeros(3), UPRIGHT)
+    found = fit_along([rod, sphere(0.02, -0.1)], np.array([0.0, 0.0, 1.0]))
+    assert found.size[0] == pytest.approx(0.015, abs=1e-3)
+    assert found.size[1] == pytest.approx(0.1, abs=2e-3)
