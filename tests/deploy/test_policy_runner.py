@@ -107,24 +107,19 @@ def test_a_policy_gets_the_command_of_its_time_and_zero_while_stopping(go1: Robo
 
 
 class TestFailure:
-    @pytest.mark.parametrize(
-        ("change", "error"),
-        [
+    def test_a_step_that_returns_no_valid_command_is_a_failure(self, go1: Robot) -> None:
+        changes: list[tuple[Any, str]] = [
             (lambda hold: [part[:11] for part in hold], "WrongSizeError: .* (5, 11)"),
             (lambda hold: hold[:4], "WrongSizeError: .* (4, 12)"),
             (lambda hold: [part + 0j for part in hold], "ValueError"),
             (lambda hold: [np.ma.masked_less(part, 0.5) for part in hold], "ValueError"),
             (lambda hold: {}["legs"], "KeyError: 'legs'"),
             (lambda hold: sys.exit(3), "SystemExit: 3"),
-        ],
-    )
-    def test_a_step_that_returns_no_valid_command_is_a_failure(
-        self, go1: Robot, change: Any, error: str
-    ) -> None:
-        runner = runner_of(FailingPolicy(go1, 0.0, change))
-        assert walk(runner, [0]) == []
-        assert all(part in runner.signals.error for part in error.split(".*"))
-        assert runner.decision is None
+        ]
+        for change, error in changes:
+            runner = runner_of(FailingPolicy(go1, 0.0, change))
+            assert (walk(runner, [0]), runner.decision) == ([], None)
+            assert all(part in runner.signals.error for part in error.split(".*"))
 
     @pytest.mark.parametrize("part", JointCommand._fields)
     def test_a_command_that_is_not_finite_is_signalled(self, go1: Robot, part: str) -> None:

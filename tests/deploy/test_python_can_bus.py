@@ -141,9 +141,8 @@ class TestPythonCanBus:
         (batch,) = bus.receive(10_000)
         np.testing.assert_allclose(batch.time_us, [8500, 9500, 8000, 10_000], atol=1.0)
 
-    @pytest.mark.parametrize(
-        ("identifier", "data", "reason"),
-        [
+    def test_error_frames_and_states(self, buses: list[FakeBus]) -> None:
+        for identifier, data, reason in (
             (0x040, b"", "bus can1 is bus-off"),
             (0x004, b"\0\x20", "bus can1 is error-passive"),
             (0x024, b"\0\x10", "bus can1 is error-passive"),
@@ -152,16 +151,12 @@ class TestPythonCanBus:
             (0x004, b"", ""),
             (0x088, b"\0\0\x04", ""),  # one frame was garbled, and was sent again
             (0x020, b"\0\x30", ""),  # only byte 1 is the controller's state
-        ],
-    )
-    def test_error_frames_and_states(
-        self, buses: list[FakeBus], identifier: int, data: bytes, reason: str
-    ) -> None:
-        bus = PythonCanBus("slcan", ("can0", "can1"), ())
-        buses[1].waiting = [received(identifier, data, is_error_frame=True)]
-        assert bus.receive(0) == []
-        assert bus.fault().startswith(reason) if reason else bus.fault() == ""
-        assert [each.errors for each in bus.statistics()] == [0, 1]
+        ):
+            bus = PythonCanBus("slcan", ("can0", "can1"), ())
+            buses[-1].waiting = [received(identifier, data, is_error_frame=True)]
+            assert bus.receive(0) == []
+            assert bus.fault().startswith(reason) if reason else bus.fault() == ""
+            assert [each.errors for each in bus.statistics()] == [0, 1]
 
     @pytest.mark.parametrize(
         ("state", "reason"), [("ACTIVE", ""), ("PASSIVE", "passive"), ("ERROR", "bus-off")]

@@ -137,25 +137,20 @@ class TestProof:
     def test_a_proof_holds_for_this_wiring_on_this_bus(self, go1: Robot) -> None:
         assert not is_proven(go1, "socketcan")
         assert str(proof_file(go1, "socketcan")) in keep_proof(go1, "socketcan", PROOF)
-        assert is_proven(go1, "socketcan")
-        assert not is_proven(go1, "slcan")
         first, *rest = go1.description.joints
         moved = described(go1, joints=(replace(first, id=9), *rest))
-        assert not is_proven(moved, "socketcan")
-        assert not is_proven(replace(go1, digest="another"), "socketcan")
+        assert is_proven(go1, "socketcan")
+        assert not is_proven(go1, "slcan")
+        for robot in (moved, replace(go1, digest="another")):
+            assert not is_proven(robot, "socketcan")
 
     def test_only_an_unproven_real_robot_must_be_checked(self, go1: Robot) -> None:
-        assert must_check(go1, "socketcan", "auto")
+        assert [must_check(go1, "socketcan", how) for how in ("auto", "trust")] == [True, False]
         assert "not proven" in unproven_note(go1, "socketcan")
-        assert not must_check(go1, "socketcan", "trust")
-        for bus in ("sim", "virtual"):
-            assert not must_check(go1, bus, "auto")
-            assert must_check(go1, bus, "check")
-            assert unproven_note(go1, bus) == ""
         keep_proof(go1, "socketcan", PROOF)
-        assert not must_check(go1, "socketcan", "auto")
-        assert must_check(go1, "socketcan", "check")
-        assert unproven_note(go1, "socketcan") == ""
+        for bus in ("sim", "virtual", "socketcan"):
+            assert [must_check(go1, bus, how) for how in ("auto", "check")] == [False, True]
+            assert unproven_note(go1, bus) == ""
 
     def test_a_robot_that_cannot_stand_still_needs_wiring_trust(self, go1: Robot) -> None:
         held = described(go1, held_start=True)
