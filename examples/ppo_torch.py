@@ -5,7 +5,7 @@
 Prints the mean return of the last 100 episodes, 200 times. Needs torch and the extra `gym`.
 """
 
-import sys
+import argparse
 
 import gymnasium
 import numpy as np
@@ -76,5 +76,7 @@ def train(iterations: int, num_envs: int = 256, num_steps: int = 24) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("iterations", type=int)
     torch.manual_seed(0)
-    train(int(sys.argv[1]))
+    train(parser.parse_args().iterations)

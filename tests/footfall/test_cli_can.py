@@ -129,6 +129,8 @@ class TestVirtual:
 def test_refusals_name_their_cause(shell: Shell) -> None:
     for verb in ("enable", "zero", "clear"):
         assert "--yes" in shell.refuses("can", verb, "--bus", "virtual")
+        for wrong in (("--joint", "tail"), ("--robot", "rex")):  # named before the question
+            assert f"'{wrong[1]}'" in shell.refuses("can", verb, "--bus", "virtual", *wrong)
     for options, named in (
         ("--bus nonsense", "'nonsense'"),
         ("--bus serial", "'can0'"),

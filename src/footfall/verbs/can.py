@@ -89,6 +89,7 @@ def enable(*, where: Target = Target(), joint: Names = (), duration: Seconds = 3
     duration
         Time for which they are enabled, s.
     """
+    _wired(where, joint)  # refuses wrong names before the question
     confirm("enable the motors, without torque? The robot must hang or lie: its joints are limp", yes)
     with _bench(where, joint) as bench:
         problem = bench.query_settings() or bench.enable()
@@ -108,6 +109,7 @@ def zero(*, where: Target = Target(), joint: Names = (), yes: Yes = False) -> in
     joint
         Only these joints.
     """
+    _wired(where, joint)  # refuses wrong names before the question
     which = ", ".join(joint) if joint else "every joint"
     confirm(f"set the zero of {which} to the current position? The old zero is lost", yes)
     with _bench(where, joint) as bench:
@@ -127,6 +129,7 @@ def clear(*, where: Target = Target(), joint: Names = (), yes: Yes = False) -> i
     joint
         Only these joints.
     """
+    _wired(where, joint)  # refuses wrong names before the question
     which = ", ".join(joint) if joint else "every joint"
     confirm(f"clear the errors of {which}? Motors that were kept disabled by them can be enabled then", yes)
     with _bench(where, joint) as bench:
@@ -140,7 +143,12 @@ def clear(*, where: Target = Target(), joint: Names = (), yes: Yes = False) -> i
         return _verdict(bench, problem)
 
 
-def _wired(where: Target) -> "tuple[Robot, Wiring]":
+def _wired(where: Target, joints: tuple[str, ...] = ()) -> "tuple[Robot, Wiring]":
+    """A robot and its wiring.
+
+    Raises:
+        UserError: there is no such robot or joint, or no driver for a motor.
+    """
     from footfall.deploy.drivers.choice import by_driver
     from footfall.deploy.wiring import wiring_of
     from footfall.robots.description import load_robot
@@ -148,6 +156,9 @@ def _wired(where: Target) -> "tuple[Robot, Wiring]":
     robot = load_robot(where.robot)
     wiring = wiring_of(robot)
     by_driver(wiring)  # raises UserError for motors without a driver
+    for name in joints:
+        if name not in robot.joint_names:
+            raise UserError(f"no joint '{name}': there are {', '.join(robot.joint_names)}")
     return robot, wiring
 
 
@@ -159,10 +170,7 @@ def _bench(where: Target, joints: tuple[str, ...]) -> "Iterator[Bench]":
     from footfall.deploy.bench import Bench, disabled_afterwards
     from footfall.deploy.drivers.choice import open_driver
 
-    robot, wiring = _wired(where)
-    for name in joints:
-        if name not in robot.joint_names:
-            raise UserError(f"no joint '{name}': there are {', '.join(robot.joint_names)}")
+    robot, wiring = _wired(where, joints)
     selected = wiring.take(np.array([robot.joint_index(name) for name in joints])) if joints else wiring
     with interface_bus(robot, wiring, where.bus, open_driver(selected).filters) as bus:
         bench = Bench(selected, bus)
