@@ -14,6 +14,7 @@ from footfall.domain_rand.sample import Sample
 from footfall.evaluate.report import fit_page
 from footfall.fit_report import page
 from footfall.identify.excitation import ExcitationConfig
+from footfall.identify.explain import explained
 from footfall.identify.fit import TORQUE_SHARE, FitConfig, LegFit, fit_leg, problem_of, torque_error
 from footfall.identify.leg import fixed_legs
 from footfall.identify.proposal import propose
@@ -26,7 +27,8 @@ from footfall.train.actuator_net import NetConfig
 
 ROBOT = load_robot("go1")
 LEG = fixed_legs(ROBOT)[0]
-SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.6, chirp_s=0.8, burst_s=0.4)
+SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.5, chirp_s=0.6, burst_s=0.3)
+QUICK = FitConfig(rounds=2, rate_hz=125.0, window_s=0.5, explain=False)
 N = len(ROBOT.joint_names)
 TRUTH: Sample = {
     "armature": np.full(N, 1.2),
@@ -55,19 +57,16 @@ def recording(log: Path) -> Recording:
 
 @pytest.fixture(scope="module")
 def fit(recording: Recording) -> LegFit:
-    return fit_leg(LEG, [recording], config=FitConfig(rounds=2, rate_hz=125.0))
+    return fit_leg(LEG, [recording], config=QUICK)
 
 
 def test_a_fit_finds_the_parameters_of_the_simulated_robot(fit: LegFit) -> None:
     for joint in LEG.joint_names:
-        found = {
-            name: fit.value(name, joint)
-            for name in ("armature", "joint_friction", "joint_damping", "delay_s")
-        }
-        assert found["armature"] == pytest.approx(1.2, rel=0.03)
-        assert found["joint_friction"] == pytest.approx(0.8, rel=0.03)
-        assert found["joint_damping"] == pytest.approx(0.08, rel=0.2)
-        assert found["delay_s"] == pytest.approx(0.0057, abs=0.0006)  # with two ways over the bus
+        assert fit.value("armature", joint) == pytest.approx(1.2, rel=0.03)
+        assert fit.value("joint_friction", joint) == pytest.approx(0.8, rel=0.03)
+        assert fit.value("joint_damping", joint) == pytest.approx(0.08, rel=0.2)
+        # The delay includes two transfers over the bus.
+        assert fit.value("delay_s", joint) == pytest.approx(0.0057, abs=0.0006)
 
 
 def test_a_fit_predicts_held_out_motion(fit: LegFit) -> None:
@@ -103,7 +102,7 @@ def test_a_robots_own_ranges_in_any_layout_are_kept(fit: LegFit, tmp_path: Path)
 
 def test_a_net_is_added_to_a_proposal_and_judged(fit: LegFit, recording: Recording, tmp_path: Path) -> None:
     quick = NetConfig(hidden=(4,), window_s=0.1, windows=16, steps=50, seeds=1)
-    (found,) = learn(ROBOT, [fit], [recording], [], tmp_path / "learned", quick)
+    (found,) = learn(ROBOT, [fit], [recording], [recording], tmp_path / "learned", quick)
     made = load_robot(tmp_path / "learned")
     assert made.actuator_net is not None
     assert np.flatnonzero(made.actuator_net.limit).tolist() == LEG.joints.tolist()
@@ -161,7 +160,7 @@ def test_torque_readings_that_contradict_the_motion_are_noticed(
 
 def test_wrong_torque_readings_do_not_shift_the_parameters(recording: Recording) -> None:
     read = replace(recording, torque=recording.torque * np.where(np.arange(N) == 2, 1.3, 1.0))
-    fit = fit_leg(LEG, [read], config=FitConfig(rounds=2, rate_hz=125.0, explain=False))
+    fit = fit_leg(LEG, [read], config=QUICK)
     assert (fit.torque_error > TORQUE_SHARE).tolist() == [False, False, True]
     assert fit.torque_error[2] == pytest.approx(1.0 - 1.0 / 1.3, abs=0.02)  # a shifted fit hides half of it
     calf = LEG.joint_names[2]
@@ -177,3 +176,17 @@ def test_a_page_shows_each_joint_and_is_self_contained(fit: LegFit, monkeypatch:
     warning = f"does not fit {LEG.name}"
     monkeypatch.setattr(fit_page, "plots", lambda _: [])  # they take seconds
     assert (warning in page(ROBOT, [one_wrong], [Path("log.mcap")], None), warning in text) == (True, False)
+
+
+def test_an_effect_missing_in_the_model_is_named(tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    brief = ExcitationConfig(settle_s=0.2, triangle_s=0.5, chirp_s=0.4, burst_s=0.2)
+    record(ROBOT, simulated_bus(ROBOT, {"stribeck_friction": 0.5 * ROBOT.motor.friction}), log, brief)
+    recordings = [read_recording(log, ROBOT)]
+    whole = problem_of(LEG, recordings, FitConfig(window_s=0.2, rate_hz=125.0))
+    free = tuple(each for each in whole.parameters if each.quantity in ("armature", "joint_friction"))
+    # A command and a reading take 0.7 ms on the bus.
+    delays = {each: 0.0007 for each in whole.parameters if each.quantity == "delay_s"}
+    problem = replace(whole, parameters=free, fixed=delays)
+    found = explained(problem, np.zeros(len(free)), rounds=1)
+    assert found.best == "stribeck_friction", found

@@ -10,7 +10,10 @@ import pytest
 import yaml
 from shell import Shell
 
+from footfall.identify.excitation import ExcitationConfig
+from footfall.identify.record import record
 from footfall.identify.recording import Recording, read_recording
+from footfall.identify.simulated import simulated_bus
 from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
@@ -30,10 +33,13 @@ Pair = tuple[Recording, Path]
 
 
 @pytest.fixture(scope="module")
-def pair(stiff_log: Path, tmp_path_factory: pytest.TempPathFactory) -> Pair:
-    """A recording of a robot with too much friction, and the same as another program's CSV file."""
-    own = read_recording(stiff_log, ROBOT)
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
+    """A recording of a robot with twice its friction, and the same as another program's CSV file."""
     path = tmp_path_factory.mktemp("recording") / "converted.csv"
+    short = ExcitationConfig(settle_s=0.3, triangle_s=0.4, chirp_s=0.6, burst_s=0.2)
+    bus = simulated_bus(ROBOT, {"joint_friction": np.full(len(JOINTS), 2.0)})
+    record(ROBOT, bus, path.with_suffix(".own"), short)
+    own = read_recording(path.with_suffix(".own"), ROBOT)
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["t", *(f"{part}_{name}" for part in PARTS for name in JOINTS)])

@@ -1,9 +1,10 @@
-"""Directions of parameters that the data do not determine."""
+"""Directions of parameters that the data do not determine, and refits of resampled windows."""
 
 import numpy as np
 import pytest
 
 from footfall.identify.null_space import null_directions, profile
+from footfall.identify.resampling import refitted
 
 NAMES = ["armature", "delay", "friction"]
 
@@ -37,3 +38,18 @@ def test_a_profile_shows_how_other_parameters_compensate_for_one() -> None:
     found = profile(fit_at, [0.0, 0.5, 1.0, 2.0])
     assert found.range_within(1.3) == (0.5, 1.0)
     np.testing.assert_allclose(found.numbers[:, 0], [3.0, 2.5, 2.0, 1.0])
+
+
+def test_refits_evaluate_within_the_bounds_only_and_keep_their_spread() -> None:
+    """A delay near 0 has resamples whose best delay is negative, which no simulation supports."""
+    best, weights = np.array([-0.3, 0.5]), np.array([[1.0, 0.0], [0.0, 1.0]])
+
+    def residual_at(x: np.ndarray) -> np.ndarray:
+        assert (x >= 0.0).all()
+        return (x[0][:, None] - best)[..., None]
+
+    x = np.array([0.1])
+    found = refitted(
+        x, residual_at(x[:, None])[0], np.ones((2, 1, 1)), weights, residual_at, (np.zeros(1), np.ones(1))
+    )
+    np.testing.assert_allclose(found[:, 0], best, atol=1e-3)

@@ -87,12 +87,7 @@ LOW_TRUNK = r'\1<geom type="sphere" size="0.1" pos="0 0 -0.3"/>'
             r"\1-1.9",
             r"foot RL is [1-9]\d mm above the ground",
         ),
-        (
-            "robot.xml",
-            r'(<joint name="F[LR]_hip"[^>]*>)',
-            LARGE_HIPS,
-            "links FL_thigh and FR_thigh collide",
-        ),
+        ("robot.xml", r'(<joint name="F[LR]_hip"[^>]*>)', LARGE_HIPS, "links FL_thigh and FR_thigh collide"),
         ("robot.xml", r'(<freejoint name="floating_base"/>)', LOW_TRUNK, "link trunk touches the ground"),
         (
             "robot.xml",

@@ -35,7 +35,6 @@ LONGEST = (
     "deploy/test_sensor_faults.py",
     "identify/test_imported.py",
     "evaluate/test_weakest.py",
-    "identify/test_explain.py",
     "policies/test_walks.py",
     "evaluate/test_episodes.py",
     "repository/test_imports.py",

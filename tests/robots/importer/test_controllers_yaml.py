@@ -22,13 +22,7 @@ def test_a_robot_of_the_same_size_gets_the_same_settings() -> None:
     """All are equal except those of `stand`, whose stiffness comes from the robot's own gains."""
     shipped = read_yaml(ROBOTS / "go1" / "controllers.yaml")
     scaled = scaled_controllers(GO1, 4, 0.0).sections
-    for key in (
-        "mpc.weights.force",
-        "mpc-wbc.swing.stiffness",
-        "trot.kd",
-        "walk.stance.sway",
-        "stand.kp",
-    ):
+    for key in ("mpc.weights.force", "mpc-wbc.swing.stiffness", "trot.kd", "walk.stance.sway", "stand.kp"):
         assert at(scaled, key) == pytest.approx(at(shipped, key), rel=1e-3)
     assert scaled_controllers(GO1, 4, 300.0).sections["stand"]["kp"] == pytest.approx(300.0)
 

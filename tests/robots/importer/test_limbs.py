@@ -60,11 +60,7 @@ def test_joints_that_cannot_be_driven_are_named(tmp_path: Path) -> None:
     text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
     for old, new, named in (
         ('name="b_joint" axis="0 1 0"', 'name="b_joint" type="slide"', "b_joint .*slide"),
-        (
-            "</mujoco>",
-            '<equality><joint joint1="b_joint" joint2="a_joint"/></equality></mujoco>',
-            "b_joint",
-        ),
+        ("</mujoco>", '<equality><joint joint1="b_joint" joint2="a_joint"/></equality></mujoco>', "b_joint"),
         ("</mujoco>", '<equality><weld name="w" body1="a" body2="b"/></equality></mujoco>', "equality w"),
         ('pos="0 -0.1 0"', 'pos="0 -0.1 0.19"', "foot, a,"),
     ):

@@ -45,10 +45,7 @@ def test_every_link_moves_as_in_the_source(source: Source, machine: Machine) -> 
         for model, each, base in zip((original, converted), data, bases, strict=True):
             mujoco.mj_forward(model, each)
             turn = each.xmat[base].reshape(3, 3)
-            kinds = (
-                model.geom_type == Kind.mjGEOM_BOX,
-                np.isin(model.geom_size[:, 0], (0.025, 0.03, 0.04)),
-            )
+            kinds = (model.geom_type == Kind.mjGEOM_BOX, np.isin(model.geom_size[:, 0], (0.025, 0.03, 0.04)))
             seen = [(each.geom_xpos[kind] - each.xpos[base]) @ turn for kind in kinds]
             axes = np.abs(turn.T @ each.geom_xmat[kinds[0]].reshape(-1, 3, 3))
             positions.append(np.concatenate([*seen, *axes]))
