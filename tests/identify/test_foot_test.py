@@ -34,14 +34,13 @@ def test_a_scale_shows_the_missing_force_of_weak_motors(go1: Robot, strength: fl
 
 
 def test_motors_that_report_twice_their_torque_are_found() -> None:
-    config = FootTestConfig(presses=(0.1, 0.2))
-    measured = [
-        _measurement(commanded, commanded, 0.5 * commanded + 3.0) for commanded in (10.0, 20.0)
-    ]  # with a preload of 3 N
-    assert len(press_findings(measured, config)) == 2
-    assert not press_findings(
-        [_measurement(commanded, commanded, commanded + 3.0) for commanded in (10.0, 20.0)], config
-    )
+    """The scale shows a preload of 3 N and half of the reported force, or all of it."""
+    for share, findings in ((0.5, 2), (1.0, 0)):
+        measured = [
+            Measurement(Hold(np.zeros(3), force, 1.0), np.zeros(3), force, share * force + 3.0)
+            for force in (10.0, 20.0)
+        ]
+        assert len(press_findings(measured, FootTestConfig(presses=(0.1, 0.2)))) == findings
 
 
 def test_the_foot_of_a_simulated_robot_reaches_all_positions(tmp_path: Path) -> None:
@@ -59,7 +58,3 @@ def test_the_foot_of_a_simulated_robot_reaches_all_positions(tmp_path: Path) -> 
 def test_an_unknown_foot_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", "foot", "tail"]) == 2
     assert "FL" in capsys.readouterr().err
-
-
-def _measurement(commanded: float, reported: float, scale: float) -> Measurement:
-    return Measurement(Hold(np.zeros(3), commanded, 1.0), np.zeros(3), reported, scale)

@@ -41,15 +41,9 @@ def test_overshoot_and_rise_are_those_of_a_second_order_system(damping: float) -
     assert not found.rings
 
 
-def test_a_lasting_oscillation_is_ringing() -> None:
+def test_a_lasting_oscillation_and_a_large_error_are_ringing_and_no_motion_has_no_rise_time() -> None:
     assert second_order(0.01).rings
-
-
-def test_a_joint_with_a_large_error_rings() -> None:
     assert response_of(TIME_S, TIME_S, np.ones_like(TIME_S), 0.05, CONFIG).rings
-
-
-def test_a_joint_that_does_not_move_has_no_rise_time() -> None:
     assert math.isnan(response_of(TIME_S, 0.0 * TIME_S, 0.0 * TIME_S, 0.05, CONFIG).rise_s)
 
 

@@ -13,16 +13,8 @@ from footfall.identify.windows import cut
 def recording(time_s: np.ndarray) -> Recording:
     """A recording of one joint that stands still."""
     rows = len(time_s)
-    return Recording(
-        "a file",
-        time_s,
-        np.zeros((rows, 5, 1)),
-        time_s[:, None],
-        np.zeros((rows, 1)),
-        np.full((rows, 1), np.nan),
-        0.0,
-        np.array([0.0, 0.0, -1.0]),
-    )
+    readings = time_s[:, None], np.zeros((rows, 1)), np.full((rows, 1), np.nan)
+    return Recording("a file", time_s, np.zeros((rows, 5, 1)), *readings, 0.0, np.array([0.0, 0.0, -1.0]))
 
 
 def test_a_window_holds_its_own_readings_at_any_rate() -> None:
