@@ -25,7 +25,7 @@ LONGEST = (
     "benchmarks/test_fault_table.py",
     "deploy/test_log.py",
     "policies/test_controllers_walk.py",
-    "examples/test_notebook.py",
+    "examples/test_examples.py",
     "train/test_rsl_rl.py",
     "footfall/test_cli_process.py",
     "policies/test_controllers_step.py",
