@@ -97,12 +97,9 @@ def test_a_package_of_an_extra_that_is_missing_is_one_line(installed, tmp_path: 
     installed(tmp_path.as_uri(), '"dir_info": {}')
     with pytest.raises(UserError) as caught, needs_extra("sweep", "sweeps need"):
         import nosuchpackage.part  # noqa: F401
-    assert str(caught.value) == (
-        f"sweeps need nosuchpackage, which is not installed: {PIP} '{tmp_path}[sweep]'"
-    )
-
-
-def test_a_failing_import_inside_footfall_is_not_reported_as_a_missing_package() -> None:
+    missing = "sweeps need nosuchpackage, which is not installed"
+    assert str(caught.value) == f"{missing}: {PIP} '{tmp_path}[sweep]'"
+    # A failing import inside footfall is not reported as a missing package.
     with pytest.raises(ModuleNotFoundError), needs_extra("sweep", "sweeps need"):
         import footfall.nosuchroom  # noqa: F401
 
@@ -122,12 +119,10 @@ def test_doctor_names_one_command_for_all_missing_packages(
     assert advice == {f"to train: {PIP} '{tmp_path}[train]'"}
 
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_pages_install_from_the_clone(page: Path) -> None:
-    for line in re.findall(r"pip install (?:-q )?([^`\n]+)", page.read_text()):
+def test_pages_install_from_the_clone() -> None:
+    pages = (ROOT / "README.md", *(ROOT / "docs").glob("*.md"))
+    texts = "\n".join(page.read_text() for page in pages)
+    for line in re.findall(r"pip install (?:-q )?([^`\n]+)", texts):
         for expected in shlex.split(line, comments=True):
             if expected.startswith("-") or expected.endswith(".whl"):
                 continue
@@ -142,28 +137,27 @@ def test_sources_are_all_files_of_their_kinds_at_any_depth_of_their_packages(tmp
         (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / file).write_text(f"of {file}")
 
-    def read(*kinds: str) -> list[tuple[str, str]]:
-        found = read_sources(tmp_path, ("b", "a"), *((kinds,) if kinds else ()))
-        return [(str(path), content.decode()) for path, content in found]
-
-    python = [(file, f"of {file}") for file in ("a/deep/er/three.py", "a/one.py", "b/two.py")]
-    assert read() == python
-    assert read("*.py", "*.yaml", "*.*ml") == sorted([*python, ("a/own.yaml", "of a/own.yaml")])
+    python = ["a/deep/er/three.py", "a/one.py", "b/two.py"]
+    for kinds, expected in ((), python), ((("*.py", "*.yaml", "*.*ml"),), sorted([*python, "a/own.yaml"])):
+        found = [
+            (str(path), content.decode()) for path, content in read_sources(tmp_path, ("b", "a"), *kinds)
+        ]
+        assert found == [(file, f"of {file}") for file in expected]
 
 
 def test_versions_of_python_and_of_each_package() -> None:
-    found = versions.versions(["numpy", "no-such-package"])
-    assert found == {
+    assert versions.versions(["numpy", "no-such-package"]) == {
         "python": ".".join(map(str, sys.version_info[:3])),
         "numpy": np.__version__,
         "no-such-package": "not installed as a package",
     }
 
 
-class TestRequirements:
-    """A package with nested extras, as in a distribution's metadata."""
-
-    LINES = (
+def test_an_extra_has_its_own_and_included_requirements_and_those_missing_are_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A package with nested extras; a missing package is absent or of another version."""
+    requires = [
         "numpy>=1.26",
         "mujoco; python_version >= '3'",
         "winonly; sys_platform == 'nowhere'",
@@ -171,35 +165,26 @@ class TestRequirements:
         "footfall[train,video]; extra == 'all'",
         "av>=10; extra == 'video'",
         "pytest; extra == 'dev'",
-    )
+    ]
+    there = {"numpy": "1.25", "jax": "0.4", "av": "11.0rc1"}
 
-    @pytest.fixture(autouse=True)
-    def result(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        metadata = SimpleNamespace(
-            get_all=lambda name: ["all", "train"] if name == "Provides-Extra" else None
-        )
-        known = SimpleNamespace(requires=list(self.LINES), metadata=metadata)
-        monkeypatch.setattr(installation, "distribution", lambda name: known)
+    def find(name: str) -> str:
+        if name not in there:
+            raise installation.PackageNotFoundError(name)
+        return there[name]
 
-    def test_an_extra_has_its_own_and_included_requirements(self) -> None:
-        def names(*extra: str) -> list[str]:
-            return [str(package) for package in installation.requirements(*extra)]
-
-        assert names() == ["numpy>=1.26", "mujoco"]
-        assert names("train") == ["jax"]
-        assert names("all") == ["jax", "av>=10"]
-        assert installation.extras() == ["all", "train"]
-
-    def test_missing_packages_are_absent_or_of_another_version(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        there = {"numpy": "1.25", "jax": "0.4", "av": "11.0rc1"}
-
-        def find(name: str) -> str:
-            if name not in there:
-                raise installation.PackageNotFoundError(name)
-            return there[name]
-
-        monkeypatch.setattr(installation, "version", find)
-        assert [package.name for package in installation.missing()] == ["numpy", "mujoco"]
-        assert [package.name for package in installation.missing("all")] == []
-        there["av"] = "9.9"
-        assert [package.name for package in installation.missing("all")] == ["av"]
+    metadata = SimpleNamespace(get_all=lambda name: ["all", "train"] if name == "Provides-Extra" else None)
+    found = SimpleNamespace(requires=requires, metadata=metadata)
+    monkeypatch.setattr(installation, "distribution", lambda _: found)
+    monkeypatch.setattr(installation, "version", find)
+    for extra, expected in (
+        ([], ["numpy>=1.26", "mujoco"]),
+        (["train"], ["jax"]),
+        (["all"], ["jax", "av>=10"]),
+    ):
+        assert [str(package) for package in installation.requirements(*extra)] == expected
+    assert installation.extras() == ["all", "train"]
+    assert [package.name for package in installation.missing()] == ["numpy", "mujoco"]
+    assert installation.missing("all") == []
+    there["av"] = "9.9"
+    assert [package.name for package in installation.missing("all")] == ["av"]

@@ -12,13 +12,9 @@ from footfall.common.private_files import NotPrivateError, make_private_folder, 
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "programs" / "one"
     write_private(path, b"code")
+    assert read_private(path) == b"code"
+    assert [each.stat().st_mode & 0o777 for each in (path, path.parent)] == [0o600, 0o700]
     return path
-
-
-def test_a_private_file_is_read_as_written(file: Path) -> None:
-    assert read_private(file) == b"code"
-    assert file.stat().st_mode & 0o777 == 0o600
-    assert file.parent.stat().st_mode & 0o777 == 0o700
 
 
 @pytest.mark.parametrize("mode", [0o020, 0o002])
