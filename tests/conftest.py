@@ -36,6 +36,7 @@ from hypothesis import settings
 from lowering import share_contexts
 from recorder import Recorder
 from shell import Shell
+from tiny_policy import contract_of
 
 from footfall.common import locks
 from footfall.common.config import dump
@@ -171,12 +172,9 @@ def six_iterations(tmp_path_factory: pytest.TempPathFactory) -> str:
     from footfall.train.config import load_preset
 
     smoke = load_preset("smoke")
-    config = replace(
-        smoke,
-        ppo=replace(smoke.ppo, total_steps=6 * smoke.ppo.steps_per_iteration),
-        env=replace(smoke.env, physics="c"),  # compiled faster
-        checkpoint_interval_s=0.0,
-    )
+    ppo = replace(smoke.ppo, total_steps=6 * smoke.ppo.steps_per_iteration)
+    env = replace(smoke.env, physics="c")  # compiled faster
+    config = replace(smoke, ppo=ppo, env=env, checkpoint_interval_s=0.0)
     path = tmp_path_factory.mktemp("presets") / "six.yaml"
     path.write_text(dump(config))
     return str(path)
@@ -185,11 +183,9 @@ def six_iterations(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="session")
 def whole_run(six_iterations: str, kept_programs: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A training that nothing interrupted, of six iterations and seed 5. Tests may read but not change it."""
-    from footfall.train import api
+    from footfall.train.api import TrainRequest, train
 
-    return api.train(
-        api.TrainRequest(preset=six_iterations, seed=5, out=tmp_path_factory.mktemp("runs") / "whole")
-    )
+    return train(TrainRequest(preset=six_iterations, seed=5, out=tmp_path_factory.mktemp("runs") / "whole"))
 
 
 @pytest.fixture(scope="session")
@@ -232,24 +228,15 @@ def contract(go1: Robot) -> Contract:
     phase = np.zeros(12)
     for foot_phase, joints in zip(find_gait("trot", go1).phase, go1.foot_joints, strict=True):
         phase[joints] = foot_phase
-    return Contract(
-        robot=go1.name,
-        digest=go1.digest,
-        joints=go1.joint_names,
-        control_rate_hz=50.0,
-        observation=(
-            Term("gyro", 0.25, 2),
-            Term("gravity"),
-            Term("command"),
-            Term("joint_position", 1.0, 3),
-            Term("joint_velocity", 0.05, 3),
-            Term("last_action", 1.0, 2),
-            Term("clock"),
-        ),
-        default_pose_rad=tuple(go1.default_pose.tolist()),
-        action_scale_rad=tuple(go1.action_scale.tolist()),
-        kp=tuple(go1.kp.tolist()),
-        kd=tuple(go1.kd.tolist()),
-        commands=CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0)),
-        gait=Gait(2.2, tuple(phase.tolist()), (0.0, 0.3, -0.6) * 4),
+    observation = (
+        Term("gyro", 0.25, 2),
+        Term("gravity"),
+        Term("command"),
+        Term("joint_position", 1.0, 3),
+        Term("joint_velocity", 0.05, 3),
+        Term("last_action", 1.0, 2),
+        Term("clock"),
     )
+    commands = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0))
+    gait = Gait(2.2, tuple(phase.tolist()), (0.0, 0.3, -0.6) * 4)
+    return contract_of(go1, *observation, commands=commands, gait=gait)

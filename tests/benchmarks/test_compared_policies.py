@@ -11,24 +11,18 @@ from compared_policies import compare, figures, read
 def _write(path: Path, scale: dict[str, float], energy: dict[str, float], fallen: dict[str, int]) -> Path:
     """Walks of two seeds; errors and energies are those of `wide` times a factor."""
     rng, rows = np.random.default_rng(0), []
+    same = {"scenario": "nominal", "scored_s": 20.0, "weight_n": 100.0, "distance_m": 10.0}
     for seed in (0, 1):
         base = rng.uniform(0.5, 1.5, (2, 40))
         for condition, factor in scale.items():
             for index, (error, joules) in enumerate(base.T):
-                rows.append(
-                    {
-                        "policy": f"{condition}-{seed}",
-                        "scenario": "nominal",
-                        "index": index,
-                        "fell": index < fallen.get(condition, 0),
-                        "lin_vel_mse": error * factor**2,
-                        "yaw_rate_mse": error * factor**2,
-                        "scored_s": 20.0,
-                        "electrical_j": joules * energy[condition],
-                        "weight_n": 100.0,
-                        "distance_m": 10.0,
-                    }
-                )
+                row = {
+                    "policy": f"{condition}-{seed}",
+                    "index": index,
+                    "fell": index < fallen.get(condition, 0),
+                }
+                errors = dict.fromkeys(("lin_vel_mse", "yaw_rate_mse"), error * factor**2)
+                rows.append(same | row | errors | {"electrical_j": joules * energy[condition]})
     path.write_text("".join(json.dumps(row) + "\n" for row in rows))
     return path
 
@@ -54,22 +48,17 @@ def test_a_paired_difference_does_not_contain_the_walks_own_spread(tmp_path: Pat
 def test_a_worse_quantity_fails(
     tmp_path: Path, tracking: float, energy: float, fallen: int, verdict: tuple[bool, bool, bool]
 ) -> None:
-    path = _write(
-        tmp_path / "walks.jsonl",
-        {"wide": 1.0, "other": tracking},
-        {"wide": 1.0, "other": energy},
-        {"other": fallen},
-    )
-    found = read(path)
+    scale, energies = ({"wide": 1.0, "other": factor} for factor in (tracking, energy))
+    found = read(_write(tmp_path / "walks.jsonl", scale, energies, {"other": fallen}))
     assert compare(found["other"], found["wide"], draws=50).as_good == verdict
 
 
 def test_only_walks_that_all_policies_of_a_seed_have_count(tmp_path: Path) -> None:
-    path = _write(tmp_path / "walks.jsonl", {"wide": 1.0, "other": 1.0}, {"wide": 1.0, "other": 1.0}, {})
+    same = {"wide": 1.0, "other": 1.0}
+    path = _write(tmp_path / "walks.jsonl", same, same, {})
     rows = [json.loads(line) for line in path.read_text().splitlines()]
     kept = [row for row in rows if row["policy"] != "other-1" or row["index"] >= 10]
     path.write_text("".join(json.dumps(row) + "\n" for row in kept))
     found = read(path)
     assert {seed: len(walks) for seed, walks in found["wide"]["nominal"].items()} == {0: 40, 1: 30}
-    for one, other in ((found["wide"], found["other"]),):
-        np.testing.assert_array_equal(*(figures(each["nominal"].values()) for each in (one, other)))
+    np.testing.assert_array_equal(*(figures(found[name]["nominal"].values()) for name in ("wide", "other")))

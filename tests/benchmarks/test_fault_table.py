@@ -38,14 +38,11 @@ def test_a_run_reports_faults_their_times_and_sent_commands(
     title: str, final_state: str, message: str, longest_s: float
 ) -> None:
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", title, 5))
-    assert run["detected"]
     assert message in run["fault"]
-    assert run["final_state"] == final_state
+    assert (run["detected"], run["final_state"], run["fell"]) == (True, final_state, False)
     assert 0.0 < run["seconds"] <= longest_s
-    assert run["stiff"] == ("start" not in title)
-    assert not run["fell"]
+    assert (run["stiff"], run["outside_rad"]) == ("start" not in title, 0.0)
     assert run["torque_over"] < fault_rows.ROUNDING
-    assert run["outside_rad"] == 0.0
     assert run["rate_share"] < 1.01
 
 
@@ -66,23 +63,21 @@ def test_a_faulty_imu_or_a_wrong_posture_prevents_stiffness(kind: str, message: 
     assert not run["stiff"]
 
 
-class TestARun:
-    """One run of the table, with all versions that its result depends on."""
+def test_random_draws_depend_on_the_kinds_name_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The joint with the wrong encoder is drawn; a table of one row draws the same."""
+    task = FaultTask("go1", "go1-flat", "one encoder off by a turn (at the start)", 2)
+    run = fault_runs.run_fault(task)
+    monkeypatch.setattr(fault_runs, "KINDS", (fault_runs.kind_of(task.title),))
+    assert fault_runs.run_fault(task) == run
+    draws = {fault_runs.draws_of(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
+    assert len(draws) == 4
 
-    def test_random_draws_depend_on_the_kinds_name_only(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """The joint with the wrong encoder is drawn; a table of one row draws the same."""
-        task = FaultTask("go1", "go1-flat", "one encoder off by a turn (at the start)", 2)
-        run = fault_runs.run_fault(task)
-        monkeypatch.setattr(fault_runs, "KINDS", (fault_runs.kind_of(task.title),))
-        assert fault_runs.run_fault(task) == run
-        draws = {fault_runs.draws_of(seed, title).random() for seed in (0, 1) for title in ("one", "other")}
-        assert len(draws) == 4
 
-    def test_runs_use_the_robots_own_limits(self, go1: Robot) -> None:
-        safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
-        config = fault_runs.config_of(described(go1, safety=safety))
-        assert (config.safety.tilt_limit_rad, config.safety.sensors.drift_rad) == (0.7, 0.01)
-        assert (config.stand_s, config.safety.damping_s) == (fault_runs.STAND_S, fault_runs.DAMPING_S)
+def test_runs_use_the_robots_own_limits(go1: Robot) -> None:
+    safety = {"tilt_limit_rad": 0.7, "sensors": {"drift_rad": 0.01}}
+    config = fault_runs.config_of(described(go1, safety=safety))
+    assert (config.safety.tilt_limit_rad, config.safety.sensors.drift_rad) == (0.7, 0.01)
+    assert (config.stand_s, config.safety.damping_s) == (fault_runs.STAND_S, fault_runs.DAMPING_S)
 
 
 def test_every_learned_policy_that_walks_is_tried() -> None:
@@ -92,9 +87,7 @@ def test_every_learned_policy_that_walks_is_tried() -> None:
 
 def test_an_undetectable_fault_ends_in_order() -> None:
     run = fault_runs.run_fault(FaultTask("go1", "go1-flat", "foreign frames on the bus", 5))
-    assert not run["detected"]
-    assert run["seconds"] is None
-    assert run["final_state"] == "IDLE"
+    assert (run["detected"], run["seconds"], run["final_state"]) == (False, None, "IDLE")
 
 
 class TestAHealthyRun:
@@ -141,12 +134,13 @@ def test_rows_have_the_share_in_time_and_the_failures() -> None:
     assert (row["runs"], row["detected"], row["in_time"]) == (2, 2, 1)
     assert (row["median_s"], row["longest_s"], row["limit_s"]) == (0.055, 0.06, 0.055)
     assert not row["as_expected"]
-    (row,) = fault_rows.rows([run] * 3)
-    assert row["as_expected"]
-    (row,) = fault_rows.rows([{**run, "torque_over": 0.05}])
-    assert not row["as_expected"]
-    (row,) = fault_rows.rows([{**run, "stiff_when_damped": True}])
-    assert not row["as_expected"]
+    for changes, expected in (
+        ({}, True),
+        ({"torque_over": 0.05}, False),
+        ({"stiff_when_damped": True}, False),
+    ):
+        (row,) = fault_rows.rows([run | changes] * 3)
+        assert row["as_expected"] is expected
     assert len(fault_rows.rows([run, {**run, "ground": "rough", "policy": "go1-rough"}])) == 2
     (row,) = fault_rows.rows([{**run, "fell": True, "final_state": "IDLE"}])
     assert (row["idle_after_a_fall"], row["as_expected"]) == (1, False)

@@ -1,6 +1,6 @@
-"""The audit of a controller's commands to its motors."""
+"""The audit of a controller's commands to its motors: forbidden commands are noticed."""
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -11,45 +11,51 @@ from footfall.plant.audit import Audit
 from footfall.robots.description import Robot
 
 
-class TestAudit:
-    """A controller that sends forbidden commands is caught."""
+@pytest.fixture
+def audit(go1: Robot) -> Audit:
+    return Audit(go1, wiring_of(go1), 0.002)
 
-    @pytest.fixture
-    def audit(self, go1: Robot) -> Audit:
-        return Audit(go1, wiring_of(go1), 0.002)
 
-    def update(self, go1: Robot, audit: Audit, position: np.ndarray, kp: Any) -> None:
-        """The robot is at rest in its default pose."""
+@pytest.fixture
+def update(go1: Robot, audit: Audit) -> Callable[..., None]:
+    """Commands joint targets beside the default pose, rad, to a robot at rest in that pose."""
+
+    def send(offset: object, kp: float = 1.0) -> None:
         values = np.zeros((5, 12))
-        values[0], values[2] = position, kp
+        values[0], values[2] = go1.default_pose + offset, kp
         audit.update(open_driver(wiring_of(go1)).command(values), go1.default_pose, np.zeros(12))
 
-    def test_torque_beyond_a_motors_peak_is_reported_as_a_share(self, go1: Robot, audit: Audit) -> None:
-        off = go1.default_pose.copy()
-        off[0] += 0.5
-        kp = 2.5 * go1.motor.peak_torque[0] / 0.5
-        self.update(go1, audit, off, kp)  # requests 2.5 times the peak
-        assert audit.torque_over == pytest.approx(1.5, abs=0.02)
-        assert audit.stiff
-        self.update(go1, audit, go1.default_pose, kp)
-        assert audit.torque_over == pytest.approx(1.5, abs=0.02)  # the largest of all
+    return send
 
-    @pytest.mark.parametrize(("end", "by"), [(1, 0.25), (0, -0.25)])
-    def test_targets_beyond_limits_are_reported(self, go1: Robot, audit: Audit, end: int, by: float) -> None:
-        off = go1.default_pose.copy()
-        off[2] = go1.soft_limits[end][2] + by
-        self.update(go1, audit, off, 1.0)
-        assert audit.outside_rad == pytest.approx(0.25, abs=1e-3)
 
-    @pytest.mark.parametrize("jump_rad", [0.06, -0.06])
-    def test_a_jumping_target_is_reported(self, go1: Robot, audit: Audit, jump_rad: float) -> None:
-        self.update(go1, audit, go1.default_pose, 1.0)
-        self.update(go1, audit, go1.default_pose + jump_rad, 1.0)
-        self.update(go1, audit, go1.default_pose + jump_rad, 1.0)
-        rate = go1.description.target_rate_rad_s
-        assert audit.rate_share == pytest.approx(0.06 / 0.002 / rate, rel=0.02)
+def test_torque_beyond_a_motors_peak_is_reported_as_a_share(
+    go1: Robot, audit: Audit, update: Callable[..., None]
+) -> None:
+    kp = 2.5 * go1.motor.peak_torque[0] / 0.5
+    update(0.5 * np.eye(12)[0], kp)  # requests 2.5 times the peak
+    assert audit.torque_over == pytest.approx(1.5, abs=0.02)
+    assert audit.stiff
+    update(0.0, kp)
+    assert audit.torque_over == pytest.approx(1.5, abs=0.02)  # the largest of all
 
-    def test_damping_has_no_target(self, go1: Robot, audit: Audit) -> None:
-        self.update(go1, audit, go1.default_pose + 9.0, 0.0)
-        assert not audit.stiff
-        assert audit.outside_rad == 0.0
+
+@pytest.mark.parametrize(("end", "by"), [(1, 0.25), (0, -0.25)])
+def test_targets_beyond_limits_are_reported(
+    go1: Robot, audit: Audit, update: Callable[..., None], end: int, by: float
+) -> None:
+    update((go1.soft_limits[end] - go1.default_pose + by) * np.eye(12)[2])
+    assert audit.outside_rad == pytest.approx(0.25, abs=1e-3)
+
+
+@pytest.mark.parametrize("jump_rad", [0.06, -0.06])
+def test_a_jumping_target_is_reported(
+    go1: Robot, audit: Audit, update: Callable[..., None], jump_rad: float
+) -> None:
+    for offset in (0.0, jump_rad, jump_rad):
+        update(offset)
+    assert audit.rate_share == pytest.approx(0.06 / 0.002 / go1.description.target_rate_rad_s, rel=0.02)
+
+
+def test_damping_has_no_target(audit: Audit, update: Callable[..., None]) -> None:
+    update(9.0, kp=0.0)
+    assert (audit.stiff, audit.outside_rad) == (False, 0.0)

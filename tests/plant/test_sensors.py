@@ -57,10 +57,8 @@ class MoreQuantities(Randomisation):
     motor_delay_s: Distribution | None = quantity(kinds.SCALAR, OFFSET, actions=adds_to("delay_s"))
 
 
-MORE_READINGS = {
-    **READINGS,
-    "joint_torque": MoreNoise.__dataclass_fields__["joint_torque"].metadata["declares"],
-}
+TORQUE = MoreNoise.__dataclass_fields__["joint_torque"].metadata["declares"]
+MORE_READINGS = {**READINGS, "joint_torque": TORQUE}
 CONFIG = replace(load_preset("smoke").env, noise=MoreNoise(), randomisation=MoreQuantities())
 MORE_QUANTITIES = declared_quantities(MoreQuantities)
 BIASES = [name for name, each in MORE_QUANTITIES.items() if each.bias_of is not None]
@@ -74,7 +72,7 @@ DELAYS = {
 def declared() -> Iterator[None]:
     """Declares the additional quantities, as fields of `Noise` and `Randomisation` do."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(READINGS, "joint_torque", MORE_READINGS["joint_torque"])
+        patch.setitem(READINGS, "joint_torque", TORQUE)
         patch.setitem(TERMS, "joint_torque", reading_term("joint_torque"))
         for name, each in MORE_QUANTITIES.items():
             patch.setitem(QUANTITIES, name, each)
@@ -90,19 +88,13 @@ def rows_in_log(
     )
     run_episode(robot, Hold(robot), still)
     entries = [each.message for each in read_log(path, ("/joint_states", "/imu/data")).entries]
-    rows = [
-        read(
-            Sensed(
-                *(
-                    components(part, "xyz")
-                    for part in (inertial.angular_velocity, inertial.linear_acceleration)
-                ),
-                components(inertial.orientation, "wxyz"),
-                *(np.array(part) for part in (joints.position, joints.velocity, joints.effort)),
-            )
+    rows = []
+    for joints, inertial in zip(entries[::2], entries[1::2], strict=True):
+        vectors = (
+            components(part, "xyz") for part in (inertial.angular_velocity, inertial.linear_acceleration)
         )
-        for joints, inertial in zip(entries[::2], entries[1::2], strict=True)
-    ]
+        motors = (np.array(part) for part in (joints.position, joints.velocity, joints.effort))
+        rows.append(read(Sensed(*vectors, components(inertial.orientation, "wxyz"), *motors)))
     return {name: np.array([row[name] for row in rows[1:]]) for name in READINGS}
 
 
@@ -115,22 +107,14 @@ def nominal(declared: None, go1: Robot, tmp_path_factory: pytest.TempPathFactory
     return rows_in_log(go1, tmp_path_factory.mktemp("logs") / "nominal.mcap")
 
 
-def observer_of(robot: Robot, noise: Noise) -> Observer:
-    """Training's observer of a robot; the observation consists of all readings."""
-    config = replace(
-        CONFIG, noise=noise, observation=tuple(ObservationConfig(name) for name in READINGS if name in TERMS)
-    )
-    return Observer(training_model(robot), robot, config, make_contract(robot, config))
-
-
 def in_training(robot: Robot, noise: Noise, sample: Sample, true: np.ndarray, u: float) -> np.ndarray:
     """The actor's readings for given true readings, concatenated, (physics steps, size)."""
-    observer = observer_of(robot, noise)
-    state = SimpleNamespace(
-        sample=sample, actions=jnp.zeros((3, N)), command=jnp.zeros(3), phase=jnp.zeros(1)
-    )
+    terms = tuple(ObservationConfig(name) for name in READINGS if name in TERMS)  # the observation has all
+    config = replace(CONFIG, noise=noise, observation=terms)
+    observer = Observer(training_model(robot), robot, config, make_contract(robot, config))
+    zeros = {"actions": jnp.zeros((3, N)), "command": jnp.zeros(3), "phase": jnp.zeros(1)}
+    state = SimpleNamespace(sample=sample, history=observer.empty_history(), **zeros)
     state._replace = lambda history: state
-    state.history = observer.empty_history()
     _, seen = observer.observe(state, jnp.asarray(true), jnp.full(observer.numbers, u))
     shown = from_vector(np.asarray(seen), N)
     return as_vector({**shown, "joint_position": shown["joint_position"] + np.float32(robot.default_pose)})
@@ -220,16 +204,15 @@ class TestRefusals:
         ],
     )
     def test_a_quantity_that_would_act_nowhere_is_refused_by_name(self, declaration: Any, word: str) -> None:
-        cls = make_dataclass(
-            "Own", [("mine", Distribution | None, declaration)], bases=(Randomisation,), frozen=True
-        )
+        mine = ("mine", Distribution | None, declaration)
+        cls = make_dataclass("Own", [mine], bases=(Randomisation,), frozen=True)
         with pytest.raises(ValueError, match=f"'mine'.*{word}"):
             declared_quantities(cls)
 
     def test_impossible_noise_is_refused(
         self, go1: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        squared = MORE_READINGS["joint_torque"]._replace(source=lambda torque: torque**2)
+        squared = TORQUE._replace(source=lambda torque: torque**2)
         monkeypatch.setitem(READINGS, "joint_torque", squared)
         assert rows_in_log(go1, tmp_path / "quiet.mcap", MoreNoise())["joint_torque"].any()
         with pytest.raises(UserError, match="'joint_torque'"):
@@ -244,16 +227,8 @@ class PastReadings:
     ) -> None:
         self.data = SimpleNamespace(qpos=np.zeros(10), qvel=np.zeros(9), sensordata=np.zeros(4))
         layout = Layout(np.array([9, 8]), np.array([8, 7]), 1, 1)
-        self.sensors = SimulatedSensors(
-            self.data,  # type: ignore[arg-type]
-            layout,
-            Sample(**sample),
-            noise,
-            0.001,
-            2,
-            seed,
-            mean_velocity,
-        )
+        data: Any = self.data
+        self.sensors = SimulatedSensors(data, layout, Sample(**sample), noise, 0.001, 2, seed, mean_velocity)
 
     def step(self, k: int) -> None:
         data = self.data

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -13,16 +14,7 @@ from import_in_process import ROOT, import_in_process
 COMMAND_LINE = "src/footfall"  # whose folder links to the others
 COMMAND_LINE_MODULES = {path.stem for path in (ROOT / COMMAND_LINE).glob("*.py")} - {"__init__"} | {"verbs"}
 LEARNING_ONLY = (
-    "jax",
-    "jaxlib",
-    "brax",
-    "torch",
-    "rsl_rl",
-    "tensordict",
-    "flax",
-    "optax",
-    "mujoco.mjx",
-    "onnx",
+    *("jax", "jaxlib", "brax", "torch", "rsl_rl", "tensordict", "flax", "optax", "mujoco.mjx", "onnx"),
     "tensorboard",
 )
 DRAWING = ("jinja2", "matplotlib", "imageio_ffmpeg", "PIL", "scipy")  # not installed on a robot's computer
@@ -50,12 +42,8 @@ ACTING = (
 )
 # Modules of policies that training may import. `learned` runs an exported file to check it.
 POLICIES_FOR_LEARNING = {
-    "footfall.policies.contract",
-    "footfall.policies.observation",
-    "footfall.policies.height_scan",
-    "footfall.policies.action",
-    "footfall.policies.gaits",
-    "footfall.policies.learned",
+    f"footfall.policies.{name}"
+    for name in ("contract", "observation", "height_scan", "action", "gaits", "learned")
 }
 # Modules that need packages which footfall does not install: rclpy of a ROS installation, or an optional
 # engine.
@@ -94,54 +82,35 @@ def belongs_to(name: str, packages: tuple[str, ...] | set[str]) -> bool:
     return any(name == package or name.startswith(f"{package}.") for package in packages)
 
 
-@pytest.mark.parametrize("package", ALLOWED)
-def test_packages_import_one_way(package: str) -> None:
-    forbidden = {
-        f"footfall.{other}" for other in (set(ALLOWED) | COMMAND_LINE_MODULES) - ALLOWED[package] - {package}
-    }
-    wrong = [
-        f"{module} imports {name}"
+def imports_of(package: str, packages: tuple[str, ...] | set[str]) -> list[tuple[str, str]]:
+    """Modules of a package, each with a name that it imports from other packages."""
+    return [
+        (module, name)
         for module, path in modules(package)
         for name in sorted(imported(path))
-        if belongs_to(name, forbidden)
+        if belongs_to(name, packages)
     ]
-    assert wrong == []
 
 
-def circles(room: str) -> list[str]:
-    """Modules of a room that import each other in a circle, by themselves or by way of others."""
-    paths = dict(modules(room))
-    within = {
-        name: {other for other in imported(path) if other in paths} - {name} for name, path in paths.items()
-    }
-    reached: dict[str, set[str]] = {}
-    for name in within:
-        found, ahead = set(), [name]
-        while ahead:
-            new = within[ahead.pop()] - found
-            found |= new
-            ahead += new
-        reached[name] = found
-    return sorted(name for name in within if name in reached[name])
+@pytest.mark.parametrize("package", ALLOWED)
+def test_packages_import_one_way(package: str) -> None:
+    others = (set(ALLOWED) | COMMAND_LINE_MODULES) - ALLOWED[package] - {package}
+    assert imports_of(package, {f"footfall.{other}" for other in others}) == []
 
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_no_import_cycles_within_a_room(room: str) -> None:
-    """An import inside a function counts too."""
-    assert circles(room) == []
+    """An import inside a function counts too. The error has the names of a cycle."""
+    paths = dict(modules(room))
+    TopologicalSorter(
+        {name: imported(path) & (paths.keys() - {name}) for name, path in paths.items()}
+    ).prepare()
 
 
 @pytest.mark.parametrize("package", ["envs", "train"])
 def test_learning_imports_only_the_contract_of_policies(package: str) -> None:
-    wrong = [
-        f"{module} imports {name}"
-        for module, path in modules(package)
-        for name in sorted(imported(path))
-        if belongs_to(name, ("footfall.policies",))
-        and name != "footfall.policies"
-        and not belongs_to(name, POLICIES_FOR_LEARNING)
-    ]
-    assert wrong == []
+    names = {name for _, name in imports_of(package, {"footfall.policies"})} - {"footfall.policies"}
+    assert {name for name in names if not belongs_to(name, POLICIES_FOR_LEARNING)} == set()
 
 
 def importable(*packages: str) -> list[str]:

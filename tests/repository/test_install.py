@@ -1,15 +1,18 @@
 """An installation adds one import name, which works beside any other modules."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Iterable
+from importlib.metadata import Distribution, PathDistribution, distribution
 from pathlib import Path
 
 import pytest
-from fresh_environment import FreshEnvironment
+from packaging.requirements import Requirement
 
 pytest.importorskip("build")
 
@@ -19,41 +22,87 @@ ROOMS = [path.name for path in PACKAGE.iterdir() if path.is_symlink()]
 USERS_OWN = ("train", "envs", "deploy", "evaluate", "robots", "policies", "common", "pages", "plant")
 
 
+class FreshEnvironment:
+    """A fresh environment with a built wheel and the packages that it declares, and a working folder.
+
+    The packages are linked to from the environment that the tests run in: nothing is downloaded.
+    """
+
+    def __init__(self, folder: Path, wheel: Path, *extras: str) -> None:
+        self.folder = folder / "work"
+        self.folder.mkdir(parents=True)
+        self._venv = folder / "venv"
+        self.run([sys.executable, "-m", "venv", "--without-pip", self._venv])
+        self.python = self._venv / "bin" / "python"
+        pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", self.python]
+        self.run([*pip, "install", "--quiet", "--no-index", "--no-deps", wheel])
+        [self.packages] = self._venv.glob("lib/python*/site-packages")
+        [metadata] = self.packages.glob("footfall-*.dist-info")
+        for found in _needed(PathDistribution(metadata), extras):
+            self._link(found)
+
+    def run(self, command: list, **variables: str) -> subprocess.CompletedProcess[str]:
+        """Run a command, and fail with its error output if it fails."""
+        done = self.try_to_run(command, **variables)
+        assert done.returncode == 0, done.stderr
+        return done
+
+    def try_to_run(self, command: list, **variables: str) -> subprocess.CompletedProcess[str]:
+        """Run a command, also if it fails. The tests' own search path is left out."""
+        environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        return subprocess.run(
+            command, cwd=self.folder, env=environment | variables, capture_output=True, text=True, check=False
+        )
+
+    def footfall(self, *tokens: str) -> list:
+        """A command of footfall; modules are looked for in the present folder first, as python -m does."""
+        return [self.python, "-m", "footfall", *tokens]
+
+    def _link(self, found: Distribution) -> None:
+        tops = {Path(file.parts[0]) for file in found.files or []} - {Path(".."), Path("__pycache__")}
+        for top in tops:
+            link = self.packages / top
+            if top.suffix != ".pth" and not link.exists():
+                link.symlink_to(found.locate_file(top))
+
+
+def _needed(package: Distribution, extras: Iterable[str]) -> list[Distribution]:
+    """Direct and indirect requirements of a package with some of its extras."""
+    found: dict[str, Distribution] = {}
+    waiting, seen = [(package, extra) for extra in ("", *extras)], set()
+    for needing, extra in waiting:  # the list grows during the loop
+        for requirement in map(Requirement, needing.requires or []):
+            if requirement.marker is not None and not requirement.marker.evaluate({"extra": extra}):
+                continue
+            name = requirement.name
+            if name != package.name and name not in found:
+                found[name] = distribution(name)
+            for included in ("", *requirement.extras):
+                if (name, included) not in seen:
+                    seen.add((name, included))
+                    waiting.append((found.get(name, package), included))
+    return list(found.values())
+
+
 @pytest.fixture(scope="module")
 def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The package's files in a clone."""
-    folder = tmp_path_factory.mktemp("sources")
+    folder, built = tmp_path_factory.mktemp("sources"), shutil.ignore_patterns("__pycache__", "*.egg-info")
     for name in ("src", *ROOMS):
-        shutil.copytree(
-            ROOT / name,
-            folder / name,
-            symlinks=True,
-            ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"),
-        )
+        shutil.copytree(ROOT / name, folder / name, symlinks=True, ignore=built)
     for name in ("pyproject.toml", "MANIFEST.in", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, folder)
     return folder
 
 
 @pytest.fixture(scope="module")
-def built(sources: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the sdist, and the wheel made from that."""
+def wheel(sources: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel made from the sdist."""
     out = tmp_path_factory.mktemp("built")
-    build(sources, out)
-    return out
-
-
-def build(sources: Path, out: Path, *options: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "build", "--no-isolation", *options, "--outdir", out, sources],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", out, sources]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr
-
-
-@pytest.fixture(scope="module")
-def wheel(built: Path) -> Path:
-    [path] = built.glob("*.whl")
+    [path] = out.glob("*.whl")
     return path
 
 
@@ -69,89 +118,60 @@ def user(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> FreshEnvironm
     return environment
 
 
-@pytest.fixture(scope="module")
-def robots_computer(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> FreshEnvironment:
-    """An environment with only the required packages."""
-    return FreshEnvironment(tmp_path_factory.mktemp("robot"), wheel)
-
-
 def content(wheel: Path) -> set[str]:
     with zipfile.ZipFile(wheel) as archive:
         return {name for name in archive.namelist() if ".dist-info/" not in name}
 
 
 def test_the_wheel_holds_every_file_of_the_rooms_under_one_name(wheel: Path) -> None:
-    room_files = {
-        f"footfall/{path.relative_to(ROOT)}": path for room in ROOMS for path in (ROOT / room).rglob("*")
-    }
-    room_files |= {
-        f"footfall/{path.relative_to(PACKAGE)}": path for path in PACKAGE.rglob("*") if not path.is_symlink()
-    }
-    expected = {name for name, path in room_files.items() if path.is_file() and path.suffix != ".pyc"}
+    paths = {path: path.relative_to(ROOT) for room in ROOMS for path in (ROOT / room).rglob("*")}
+    paths |= {path: path.relative_to(PACKAGE) for path in PACKAGE.rglob("*") if not path.is_symlink()}
+    files = {path: name for path, name in paths.items() if path.is_file() and path.suffix != ".pyc"}
     assert len(ROOMS) >= 10
-    assert content(wheel) == expected
+    assert content(wheel) == {f"footfall/{name}" for name in files.values()}
 
 
 def test_an_editable_install_is_one_folder_on_the_search_path(sources: Path, tmp_path: Path) -> None:
     """Type checkers and editors read it too, and only footfall can be imported from it."""
-    build_editable = (
-        "import sys; from setuptools.build_meta import build_editable; build_editable(sys.argv[1])"
-    )
-    subprocess.run(
-        [sys.executable, "-c", build_editable, tmp_path], cwd=sources, capture_output=True, check=True
-    )
+    script = "import sys; from setuptools.build_meta import build_editable; build_editable(sys.argv[1])"
+    subprocess.run([sys.executable, "-c", script, tmp_path], cwd=sources, capture_output=True, check=True)
     [editable] = tmp_path.glob("*.whl")
     [line] = content(editable)
     assert zipfile.Path(editable, line).read_text().strip() == str(sources / "src")
     assert [path.name for path in (sources / "src").iterdir() if path.suffix != ".egg-info"] == ["footfall"]
 
 
-def brief_scenario(environment: FreshEnvironment) -> tuple[str, ...]:
-    """Options of an evaluation that takes a moment."""
-    file = environment.folder / "brief.yaml"
-    file.write_text("scenarios: {brief: {about: Standing, episodes: 1, duration_s: 0.3}}")
-    return ("--scenario-file", file.name, "--scenarios", "brief", "--json", "figures.json")
+def test_the_documented_gymnasium_script_runs(user: FreshEnvironment) -> None:
+    page = (ROOT / "docs" / "gymnasium.md").read_text()
+    script = re.search(r"```python\n(import gymnasium\n.*?)```", page, re.DOTALL)
+    assert script is not None
+    more = "env.reset(seed=0)\nprint(env.step(env.action_space.sample())[0].dtype)\n"
+    (user.folder / "try_it.py").write_text(script[1] + more)
+    done = user.run([user.python, "try_it.py"])
+    assert (done.stdout, done.stderr) == ("float32\n", "")
 
 
-class TestBesideAUsersOwn:
-    def test_the_documented_gymnasium_script_runs(self, user: FreshEnvironment) -> None:
-        page = (ROOT / "docs" / "gymnasium.md").read_text()
-        script = re.search(r"```python\n(import gymnasium\n.*?)```", page, re.DOTALL)
-        assert script is not None
-        (user.folder / "try_it.py").write_text(
-            script[1] + "env.reset(seed=0)\nprint(env.step(env.action_space.sample())[0].dtype)\n"
-        )
-        done = user.run([user.python, "try_it.py"])
-        assert (done.stdout, done.stderr) == ("float32\n", "")
-
-    def test_the_command_is_installed(self, user: FreshEnvironment) -> None:
-        user.run(user.footfall("deploy", "go1-flat", "--duration", "1", "--json", "walk.json"))
-        assert json.loads((user.folder / "walk.json").read_text())["final_state"] == "IDLE"
-
-    def test_commands_with_several_processes_work(self, user: FreshEnvironment) -> None:
-        user.run(user.footfall("evaluate", "stand", "--workers", "2", *brief_scenario(user)))
-        assert (user.folder / "figures.json").is_file()
+def test_commands_work_beside_a_users_own_files(user: FreshEnvironment) -> None:
+    user.run(user.footfall("deploy", "go1-flat", "--duration", "1", "--json", "walk.json"))
+    assert json.loads((user.folder / "walk.json").read_text())["final_state"] == "IDLE"
+    brief = "scenarios: {brief: {about: Standing, episodes: 1, duration_s: 0.3}}"
+    (user.folder / "brief.yaml").write_text(brief)
+    options = ("--scenario-file", "brief.yaml", "--scenarios", "brief", "--json", "figures.json")
+    user.run(user.footfall("evaluate", "stand", "--workers", "2", *options))
+    assert (user.folder / "figures.json").is_file()
 
 
-class TestOnARobotsComputer:
-    def test_the_required_packages_suffice_to_deploy_and_replay(
-        self, robots_computer: FreshEnvironment
-    ) -> None:
-        robots_computer.run(
-            robots_computer.footfall("deploy", "go1-flat", "--duration", "1", "--log", "walk.mcap")
-        )
-        assert (
-            "the same decisions"
-            in robots_computer.run(robots_computer.footfall("replay", "walk.mcap")).stdout
-        )
-
-    def test_the_error_names_the_extra_for_training(
-        self, robots_computer: FreshEnvironment, wheel: Path
-    ) -> None:
-        done = robots_computer.try_to_run(robots_computer.footfall("train", "--preset", "smoke"))
-        assert done.returncode == 2
-        assert done.stderr == (
-            "footfall: training and export need jax, which is not installed: "
-            f"{robots_computer.python} -m pip install '{wheel}[train]'\n"
-        )
-        assert not (robots_computer.folder / "runs").exists()
+def test_the_required_packages_suffice_to_deploy_and_replay_and_an_error_names_the_extra_for_training(
+    wheel: Path, tmp_path: Path
+) -> None:
+    """On a robot's computer."""
+    computer = FreshEnvironment(tmp_path, wheel)
+    computer.run(computer.footfall("deploy", "go1-flat", "--duration", "1", "--log", "walk.mcap"))
+    assert "the same decisions" in computer.run(computer.footfall("replay", "walk.mcap")).stdout
+    done = computer.try_to_run(computer.footfall("train", "--preset", "smoke"))
+    assert done.returncode == 2
+    assert done.stderr == (
+        "footfall: training and export need jax, which is not installed: "
+        f"{computer.python} -m pip install '{wheel}[train]'\n"
+    )
+    assert not (computer.folder / "runs").exists()

@@ -36,16 +36,14 @@ class DirectPlant:
     def step(self, command: JointCommand) -> None:
         """One tick of the joints."""
         for _ in range(round(1 / (JOINT_RATE_HZ * self.model.opt.timestep))):
-            self._torque = joint_torque(
-                command, self.data.qpos[self._q], self.data.qvel[self._v], self.robot.motor
-            )
+            position, velocity = self.data.qpos[self._q], self.data.qvel[self._v]
+            self._torque = joint_torque(command, position, velocity, self.robot.motor)
             self.data.qfrc_applied[self._v] = self._torque
             mujoco.mj_step(self.model, self.data)
 
     def sensed(self) -> Sensed:
         """Noisy readings of the present state."""
-        noise = self._rng.standard_normal
-        n = len(self._q)
+        noise, n = self._rng.standard_normal, len(self._q)
         return Sensed(
             gyro=self.data.qvel[3:6] + 0.02 * noise(3),
             acceleration=self.data.sensor(IMU).data + 0.1 * noise(3),
@@ -81,9 +79,8 @@ class Walk:
     def mean_velocity(self, after_s: float) -> np.ndarray:
         """Mean forward, leftward velocity and yaw rate from a time on, (3,)."""
         counted = np.array(self.time) > after_s
-        return np.append(
-            np.array(self.velocity)[counted, :2].mean(0), np.array(self.yaw_rate)[counted].mean()
-        )
+        rates = np.column_stack([np.array(self.velocity)[:, :2], self.yaw_rate])
+        return np.array(rates[counted].mean(axis=0))
 
 
 def walk(

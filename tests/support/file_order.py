@@ -3,10 +3,7 @@
 # Files that compile the same programs stay in one worker: the program of a training, and operations on
 # arrays of the same sizes.
 TRAININGS = (
-    "train/test_cluster.py",
-    "train/test_sweep.py",
-    "train/test_runs.py",
-    "train/test_failure.py",
+    *("train/test_cluster.py", "train/test_sweep.py", "train/test_runs.py", "train/test_failure.py"),
     "footfall/test_cli_train.py",
 )
 UPDATES = ("train/test_ppo.py", "train/test_iteration.py", "train/test_networks.py")
@@ -14,44 +11,15 @@ TOGETHER = {file: group[0] for group in (TRAININGS, UPDATES) for file in group}
 
 # The files that take longest, in decreasing order. Otherwise one worker would still be busy when the others
 # have finished.
-LONGEST = (
-    *TRAININGS,
-    *UPDATES,
-    "envs/test_generated_physics.py",
-    "envs/test_physics.py",
-    "deploy/test_wiring_check.py",
-    "deploy/test_bench.py",
-    "identify/test_fit.py",
-    "benchmarks/test_fault_table.py",
-    "deploy/test_log.py",
-    "policies/test_controllers_walk.py",
-    "examples/test_examples.py",
-    "train/test_rsl_rl.py",
-    "footfall/test_cli_process.py",
-    "policies/test_controllers_step.py",
-    "envs/test_locomotion.py",
-    "plant/test_sensors.py",
-    "robots/importer/test_create.py",
-    "deploy/test_sensor_faults.py",
-    "identify/test_imported.py",
-    "evaluate/test_weakest.py",
-    "policies/test_walks.py",
-    "evaluate/test_episodes.py",
-    "repository/test_imports.py",
-    "deploy/test_estimator.py",
-    "footfall/test_cli_log.py",
-    "envs/test_task.py",
-    "envs/test_gymnasium.py",
-    "policies/test_made_up_robots.py",
-    "robots/test_check.py",
-    "deploy/test_battery.py",
-    "benchmarks/test_recordings.py",
-    "footfall/test_cli_replay.py",
-    "repository/test_docs.py",
-    "pages/test_page.py",
-    "footfall/test_cli_can.py",
-    "deploy/test_foot_force.py",
-    "train/test_actuator_net.py",
-    "plant/test_walking.py",
-    "footfall/test_cli_bad_input.py",
-)
+OTHERS = """
+envs/test_generated_physics envs/test_physics deploy/test_wiring_check deploy/test_bench identify/test_fit
+benchmarks/test_fault_table deploy/test_log policies/test_controllers_walk examples/test_examples
+train/test_rsl_rl footfall/test_cli_process policies/test_controllers_step envs/test_locomotion
+plant/test_sensors robots/importer/test_create deploy/test_sensor_faults identify/test_imported
+evaluate/test_weakest policies/test_walks evaluate/test_episodes repository/test_imports
+deploy/test_estimator footfall/test_cli_log envs/test_task envs/test_gymnasium
+policies/test_made_up_robots robots/test_check deploy/test_battery benchmarks/test_recordings
+footfall/test_cli_replay repository/test_docs pages/test_page footfall/test_cli_can deploy/test_foot_force
+train/test_actuator_net plant/test_standing footfall/test_cli_bad_input
+"""
+LONGEST = (*TRAININGS, *UPDATES, *(f"{name}.py" for name in OTHERS.split()))

@@ -1,5 +1,6 @@
 """Invented robots with other lengths, axes and numbers of hinges, for tests that must hold for any robot."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -43,9 +44,10 @@ def write_robot(folder: Path, legs: Sequence[Leg]) -> Robot:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robot.xml").write_text(_mjcf(legs))
     content = _declaration(legs)
-    description = structure(content, Description, "made up")
-    height = touching_height(description, load_spec(folder / "robot.xml").compile())
-    content["standing_height_m"] = round(height, 4)
+    model = load_spec(folder / "robot.xml").compile()
+    content["standing_height_m"] = round(
+        touching_height(structure(content, Description, "made up"), model), 4
+    )
     (folder / "robot.yaml").write_text(yaml.safe_dump(content))
     return load_robot(folder)
 
@@ -59,15 +61,14 @@ def _mjcf(legs: Sequence[Leg]) -> str:
 
 def _body(leg: Leg, index: int, at: Vector) -> str:
     hinge = leg.hinges[index]
-    end = " ".join(f"{x:g}" for x in hinge.link)
+    start, end, axis = (" ".join(f"{x:g}" for x in vector) for vector in (at, hinge.link, hinge.axis))
     last = index + 1 == len(leg.hinges)
-    axis = " ".join(f"{x:g}" for x in hinge.axis)
     feet = "".join(
         f'<geom name="{leg.name}_foot{k}" {geom} mass="0.02" friction="1" priority="1"/>'
         for k, geom in enumerate(leg.foot)
     )
     inner = f'<body pos="{end}">{feet}</body>' if last else _body(leg, index + 1, hinge.link)
-    return f"""<body pos="{at[0]:g} {at[1]:g} {at[2]:g}">
+    return f"""<body pos="{start}">
       <joint name="{leg.name}{index}" axis="{axis}" range="{hinge.range[0]} {hinge.range[1]}"
              armature="0.01" frictionloss="0.1" damping="0.05"/>
       <geom type="capsule" size="0.01" fromto="0 0 0 {end}" mass="0.15" contype="0" conaffinity="0"/>
@@ -75,7 +76,6 @@ def _body(leg: Leg, index: int, at: Vector) -> str:
 
 
 def _declaration(legs: Sequence[Leg]) -> dict:
-    names = [(leg, k, hinge) for leg in legs for k, hinge in enumerate(leg.hinges)]
     motor = {
         "peak_torque_nm": 20.0, "stall_torque_nm": 20.0, "no_load_speed_rad_s": 20.0,
         "friction_speed_rad_s": 0.3, "gear_ratio": 9.0, "torque_constant_nm_a": 0.1,
@@ -92,14 +92,9 @@ def _declaration(legs: Sequence[Leg]) -> dict:
         "target_rate_rad_s": 20.0,
         "motors": {"motor": motor},
         "joints": [
-            {
-                "name": f"{leg.name}{k}",
-                "motor": "motor",
-                "default_rad": h.default,
-                "bus": leg.name,
-                "id": k + 1,
-            }
-            for leg, k, h in names
+            dict(name=f"{leg.name}{k}", motor="motor", default_rad=hinge.default, bus=leg.name, id=k + 1)
+            for leg in legs
+            for k, hinge in enumerate(leg.hinges)
         ],
         "feet": [
             {
@@ -119,61 +114,47 @@ ROLL, PITCH, YAW = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 def quadruped_leg(name: str, x: float, y: float, scale: float = 1.0) -> Leg:
     """Abduction, hip and knee: a leg with a closed form."""
-    out = 0.06 if y > 0 else -0.06
-    return Leg(
-        name,
-        (x, y, 0.0),
-        (
-            Hinge(ROLL, (0.0, out * scale, 0.0), 0.05, (-0.9, 0.9)),
-            Hinge(PITCH, (0.0, 0.0, -0.2 * scale), 0.8, (-0.6, 2.6)),
-            Hinge(PITCH, (0.01, 0.0, -0.21 * scale), -1.5, (-2.7, -0.4)),
-        ),
+    hinges = (
+        Hinge(ROLL, (0.0, math.copysign(0.06, y) * scale, 0.0), 0.05, (-0.9, 0.9)),
+        Hinge(PITCH, (0.0, 0.0, -0.2 * scale), 0.8, (-0.6, 2.6)),
+        Hinge(PITCH, (0.01, 0.0, -0.21 * scale), -1.5, (-2.7, -0.4)),
     )
+    return Leg(name, (x, y, 0.0), hinges)
 
 
 def four_hinge_leg(name: str, x: float, y: float) -> Leg:
     """Yaw, then roll, pitch and a knee with an oblique axis: without a closed form."""
-    out = 0.05 if y > 0 else -0.05
-    return Leg(
-        name,
-        (x, y, 0.0),
-        (
-            Hinge(YAW, (0.02, out, 0.0), 0.1, (-0.8, 0.8)),
-            Hinge(ROLL, (0.0, out, -0.02), -0.1, (-0.8, 0.8)),
-            Hinge(PITCH, (0.0, 0.0, -0.18), 0.7, (-0.5, 2.0)),
-            Hinge((0.1, 0.99, 0.05), (0.0, 0.01, -0.2), -1.3, (-2.5, -0.3)),
-        ),
+    out = math.copysign(0.05, y)
+    hinges = (
+        Hinge(YAW, (0.02, out, 0.0), 0.1, (-0.8, 0.8)),
+        Hinge(ROLL, (0.0, out, -0.02), -0.1, (-0.8, 0.8)),
+        Hinge(PITCH, (0.0, 0.0, -0.18), 0.7, (-0.5, 2.0)),
+        Hinge((0.1, 0.99, 0.05), (0.0, 0.01, -0.2), -1.3, (-2.5, -0.3)),
     )
+    return Leg(name, (x, y, 0.0), hinges)
 
 
 def biped_leg(name: str, y: float) -> Leg:
     """Hip roll, hip pitch, knee and no ankle."""
-    return Leg(
-        name,
-        (0.0, y, -0.05),
-        (
-            Hinge(ROLL, (0.0, 0.0, -0.03), 0.0, (-0.5, 0.5)),
-            Hinge(PITCH, (0.0, 0.0, -0.25), 0.4, (-1.0, 1.8)),
-            Hinge(PITCH, (0.0, 0.0, -0.25), -0.8, (-2.3, -0.1)),
-        ),
+    hinges = (
+        Hinge(ROLL, (0.0, 0.0, -0.03), 0.0, (-0.5, 0.5)),
+        Hinge(PITCH, (0.0, 0.0, -0.25), 0.4, (-1.0, 1.8)),
+        Hinge(PITCH, (0.0, 0.0, -0.25), -0.8, (-2.3, -0.1)),
     )
+    return Leg(name, (0.0, y, -0.05), hinges)
 
 
 def six_hinge_leg(name: str, y: float, foot: Sequence[str] = SOLE) -> Leg:
     """Hip yaw, roll and pitch, knee, ankle pitch and roll, as a humanoid has them."""
-    return Leg(
-        name,
-        (0.0, y, -0.05),
-        (
-            Hinge(YAW, (0.01, 0.0, -0.04), 0.0, (-0.8, 0.8)),
-            Hinge(ROLL, (0.0, 0.0, -0.03), 0.0, (-0.5, 0.5)),
-            Hinge(PITCH, (0.0, 0.0, -0.25), -0.4, (-1.6, 1.0)),
-            Hinge(PITCH, (0.0, 0.0, -0.25), 0.8, (0.05, 2.3)),
-            Hinge(PITCH, (0.0, 0.0, -0.02), -0.4, (-1.2, 0.8)),
-            Hinge(ROLL, (0.0, 0.0, -0.03), 0.0, (-0.4, 0.4)),
-        ),
-        foot,
+    hinges = (
+        Hinge(YAW, (0.01, 0.0, -0.04), 0.0, (-0.8, 0.8)),
+        Hinge(ROLL, (0.0, 0.0, -0.03), 0.0, (-0.5, 0.5)),
+        Hinge(PITCH, (0.0, 0.0, -0.25), -0.4, (-1.6, 1.0)),
+        Hinge(PITCH, (0.0, 0.0, -0.25), 0.8, (0.05, 2.3)),
+        Hinge(PITCH, (0.0, 0.0, -0.02), -0.4, (-1.2, 0.8)),
+        Hinge(ROLL, (0.0, 0.0, -0.03), 0.0, (-0.4, 0.4)),
     )
+    return Leg(name, (0.0, y, -0.05), hinges, foot)
 
 
 FIVE, BIPED, SOLES = ("five legs, one of four hinges", "biped without ankles", "six hinges and soles")

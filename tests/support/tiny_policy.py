@@ -5,29 +5,31 @@ from types import ModuleType
 
 import numpy as np
 
-from footfall.policies.contract import CONTRACT_KEY, Contract, Term
+from footfall.policies.contract import CONTRACT_KEY, Contract, Gait, Term
 from footfall.policies.observation import observation_size
 from footfall.robots.commands import CommandRange
-from footfall.robots.description import load_robot
+from footfall.robots.description import Robot, load_robot
+
+WITHIN_ONE = CommandRange((-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0))
+
+
+def contract_of(
+    robot: Robot, *observation: Term, commands: CommandRange = WITHIN_ONE, gait: Gait | None = None
+) -> Contract:
+    """A contract that fits a robot, at 50 Hz."""
+    pose, scale, kp, kd = (
+        tuple(values.tolist()) for values in (robot.default_pose, robot.action_scale, robot.kp, robot.kd)
+    )
+    names = robot.joint_names
+    return Contract(robot.name, robot.digest, names, 50.0, observation, pose, scale, kp, kd, commands, gait)
 
 
 def write_policy(onnx: ModuleType, path: Path, robot_folder: Path, contract: bool = True) -> Path:
     """An ONNX policy that holds the default pose of a robot."""
     robot = load_robot(robot_folder)
-    terms = Contract(
-        robot=robot.name,
-        digest=robot.digest,
-        joints=robot.joint_names,
-        control_rate_hz=50.0,
-        observation=(Term("gyro"), Term("gravity"), Term("command"), Term("joint_position")),
-        default_pose_rad=tuple(robot.default_pose.tolist()),
-        action_scale_rad=tuple(robot.action_scale.tolist()),
-        kp=tuple(robot.kp.tolist()),
-        kd=tuple(robot.kd.tolist()),
-        commands=CommandRange((-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0)),
-    )
-    size, actions = observation_size(terms), len(robot.joint_names)
-    return write_network(onnx, path, np.zeros((size, actions), np.float32), terms if contract else None)
+    terms = contract_of(robot, *map(Term, ("gyro", "gravity", "command", "joint_position")))
+    weights = np.zeros((observation_size(terms), len(robot.joint_names)), np.float32)
+    return write_network(onnx, path, weights, terms if contract else None)
 
 
 def write_network(onnx: ModuleType, path: Path, weights: np.ndarray, contract: Contract | None) -> Path:
