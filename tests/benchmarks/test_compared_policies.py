@@ -1,11 +1,21 @@
-"""Paired comparison of policies' walks."""
+"""Policies under comparison: paired walks, the hidden robot, two networks in one."""
 
+import itertools
 import json
+import shutil
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 from compared_policies import compare, figures, read
+from identified_policies import with_nominal_losses
+from side_by_side import side_by_side
+from teacher_student import action_of, mean_action
+
+from footfall.robots.description import Robot
+from footfall.robots.model import read_plant
+from footfall.train.origin import Exported
 
 
 def _write(path: Path, scale: dict[str, float], energy: dict[str, float], fallen: dict[str, int]) -> Path:
@@ -62,3 +72,35 @@ def test_only_walks_that_all_policies_of_a_seed_have_count(tmp_path: Path) -> No
     found = read(path)
     assert {seed: len(walks) for seed, walks in found["wide"]["nominal"].items()} == {0: 40, 1: 30}
     np.testing.assert_array_equal(*(figures(found[name]["nominal"].values()) for name in ("wide", "other")))
+
+
+def test_a_folders_damping_is_not_added_to_the_hidden_robots(go1: Robot, tmp_path: Path) -> None:
+    folder = tmp_path / "identified"
+    shutil.copytree(go1.folder, folder)
+    model = folder / go1.description.model
+    model.write_text(model.read_text().replace("<joint ", '<joint damping="0.1" '))
+    found = read_plant(with_nominal_losses(str(folder)), go1.xml_path).motor
+    np.testing.assert_array_equal(found.damping, go1.motor.damping)
+    np.testing.assert_array_equal(found.friction, go1.motor.friction)
+
+
+def network(rng: np.random.Generator, sizes: tuple[int, ...]) -> Exported:
+    layers = tuple(
+        (rng.normal(size=pair).astype(np.float32), rng.normal(size=pair[1]).astype(np.float32))
+        for pair in itertools.pairwise(sizes)
+    )
+    return Exported(rng.normal(size=sizes[0]), rng.uniform(0.5, 2.0, sizes[0]), layers)
+
+
+def test_the_joined_network_has_the_first_networks_actions_and_contains_the_second() -> None:
+    rng = np.random.default_rng(0)
+    first, second = network(rng, (9, 8, 4, 3)), network(rng, (5, 6, 7, 3))
+    seen, observed = np.array([8, 1, 3, 0, 6]), rng.normal(size=(20, 9)).astype(np.float32)
+    layers = side_by_side(first, second, seen, 0.5, jax.random.PRNGKey(0))
+    assert [bias.size for _, bias in layers] == [18, 13, 3]
+    normal = (observed - first.mean) / first.std
+    np.testing.assert_allclose(mean_action(layers, normal), action_of(first, observed), atol=1e-3)
+    kernel, bias = (np.zeros_like(each) for each in layers[-1])
+    kernel[4:11], bias = second.layers[-1]
+    found = mean_action((*layers[:-1], (kernel, bias)), normal)
+    np.testing.assert_allclose(found, action_of(second, observed[:, seen]), atol=1e-3)

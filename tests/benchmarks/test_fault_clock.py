@@ -1,13 +1,19 @@
-"""The table of faults that need a wall clock."""
+"""The table of faults that need a wall clock, and the loop's timing."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import fault_clock
 import numpy as np
 import pytest
+from deploy_policies import Hold, short_episode
 from fault_clock import AddedDelay, TimingFault
+from realtime import BUDGET_US, Stages
 from relaxed_limits import RELAXED
+
+from footfall.plant.episode import run_episode
+from footfall.robots.description import Robot
 
 RUN = {"fault": "it ran late", "seconds": 0.12, "final_state": "ESTOP", "fell": False}
 
@@ -54,3 +60,11 @@ def test_a_pause_is_damped_by_the_guard_before_it_ends(monkeypatch: pytest.Monke
     assert 0.3 < run["seconds"] < 1.2  # 0.55 s after the beginning of a tick that pauses at its end
     assert run["final_state"] == "ESTOP"
     assert np.isfinite(run["skipped_share"])
+
+
+def test_every_stage_of_a_run_is_timed(go1: Robot, tmp_path: Path) -> None:
+    stages = Stages()
+    watched = {"log": tmp_path / "run.mcap", "display": lambda loop, velocity: stages.watch(loop)}
+    run_episode(go1, Hold(go1), short_episode(duration_s=0.1, **watched))
+    assert set(stages.summary()) >= set(BUDGET_US) - {"plant", "estimator"}
+    assert all(found["p99"] > 0.0 for found in stages.summary().values())

@@ -23,34 +23,20 @@ NO_FRAMES = Frames(*np.zeros((4, 0), dtype=int))
 
 
 class End:
-    """A motor protocol whose frames are given as requests; replies are kept."""
+    """A motor protocol whose frames are given as requests; the errors of the last reply are kept."""
 
-    filters = ()
-    timeout_error = 13
-    timeout_latches = False
-    timeout_s = np.full(3, np.nan)
-    broadcasts = False
+    filters, broadcasts, timeout_s = (), False, np.full(3, np.nan)
+    timeout_error, timeout_latches = 13, False
 
     def __init__(self) -> None:
         self.next: Requests | None = None
-        self.replied: list[tuple[list[int], np.ndarray, list[int]]] = []
-
-    def requests(self, frames: Frames) -> Requests:
-        assert self.next is not None
-        return self.next
-
-    def settings_replies(self, frames: Frames) -> None:
-        return None
-
-    def broadcast(self, *_: Any) -> None:
-        return None
+        self.error: list[int] = []
+        self.requests = lambda _: self.next
+        self.settings_replies = self.broadcast = lambda *_: None
 
     def reply(self, motor: Motors, report: Report) -> Frames:
-        index = np.arange(3)[motor]
-        self.replied.append((index.tolist(), report.values.copy(), report.error.tolist()))
-        data = np.zeros((len(index), 8), np.uint8)
-        data[:, 0] = index + 1
-        return Frames(np.zeros_like(index), index, data, np.full(len(index), 8))
+        self.error = report.error.tolist()
+        return NO_FRAMES
 
 
 class Stand:
@@ -60,13 +46,13 @@ class Stand:
         self.end = End()
         self.motors = SimulatedMotors(self.end, MOTOR, 3, Sample(**sample), 0.001, timeout_s=0.02, net=net)
 
-    def ask(self, step: int, motor: Motors, kind: list[Request] | None, values: np.ndarray) -> Frames | None:
+    def ask(self, step: int, motor: Motors, kind: list[Request] | None, values: np.ndarray) -> None:
         self.end.next = Requests(motor, values.copy(), None if kind is None else np.array(kind))
-        return self.motors.answer(step, NO_FRAMES, READINGS)
+        self.motors.answer(step, NO_FRAMES, READINGS)
 
-    def on(self, step: int = 0, *motors: int) -> Frames | None:
+    def on(self, step: int = 0, *motors: int) -> None:
         which = np.array(motors or (0, 1, 2))
-        return self.ask(step, which, [Request.ENABLE] * len(which), np.zeros((5, len(which))))
+        self.ask(step, which, [Request.ENABLE] * len(which), np.zeros((5, len(which))))
 
     def torque(self, step: int) -> np.ndarray:
         return self.motors.torque(step, POSITION, VELOCITY)
@@ -88,14 +74,13 @@ class TestMotors:
         expected = VALUES.copy()
         expected[:, [2, 0]] = other
         np.testing.assert_allclose(stand.torque(1), torque_of(expected))
-        np.testing.assert_allclose(
-            stand.motors.drivetrain.friction(VELOCITY, np.zeros(3)), friction_torque(VELOCITY, MOTOR)
-        )
+        friction = stand.motors.drivetrain.friction(VELOCITY, np.zeros(3))
+        np.testing.assert_allclose(friction, friction_torque(VELOCITY, MOTOR))
 
     def test_a_learned_part_of_the_law_acts_as_in_training(self) -> None:
         """The steps are so long that the memory has an effect."""
         net = some_net(3)
-        values = np.array([[1.0], [0.0], [1.0], [1.0], [0.0]]) * VALUES
+        values = VALUES * np.array([1.0, 0.0, 1.0, 1.0, 0.0])[:, None]
         stand = Stand(net)
         stand.motors.encoder_bias[:] = 0.01
         stand.on()
@@ -157,7 +142,7 @@ class TestMotors:
         assert stand.motors.enabled.tolist() == [True, False, True]
         stand.motors.faults.error[:] = [2, 0, 0]
         stand.ask(26, slice(None), None, VALUES)
-        assert stand.end.replied[-1][2] == [2, 13, 0]
+        assert stand.end.error == [2, 13, 0]
         stand.on(27, 1)
         stand.ask(28, np.array([2, 1, 0]), None, VALUES)
-        assert stand.end.replied[-1][2] == [0, 0, 2]
+        assert stand.end.error == [0, 0, 2]

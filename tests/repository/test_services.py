@@ -64,10 +64,8 @@ def test_systemd_accepts_the_units(tmp_path: Path) -> None:
         (tmp_path / path.name).write_text(re.sub(r"/usr/sbin/ip\b", "/bin/true", text))
     shutil.copy(tmp_path / "footfall-can@.service", tmp_path / "footfall-can@can0.service")
     for name in ("footfall.service", "footfall-can@can0.service"):
-        done = subprocess.run(
-            ["systemd-analyze", "verify", "--man=no", tmp_path / name],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
+        command = ["systemd-analyze", "verify", "--man=no", tmp_path / name]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         complaints = [line for line in done.stderr.splitlines() if "footfall" in line]
         assert (complaints, done.returncode) == ([], 0)
 

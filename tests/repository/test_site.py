@@ -36,10 +36,9 @@ def cells(page: Tab, column: int) -> list[str]:
 
 
 def test_pages_load_no_other_server(page: Tab) -> None:
+    local = ("file:", "data:", "blob:")
     assert page.errors == []
-    assert [
-        address for address in page.requested if not address.startswith(("file:", "data:", "blob:"))
-    ] == []
+    assert [address for address in page.requested if not address.startswith(local)] == []
 
 
 def test_every_row_of_the_data_is_shown(page: Tab) -> None:

@@ -18,19 +18,11 @@ from typing import Any
 from urllib.request import urlopen
 
 FLAGS = (
-    "--headless",
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
+    *("--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--hide-scrollbars"),
     "--enable-unsafe-swiftshader",
     "--disable-dev-shm-usage",  # some containers have little shared memory
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-sync",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--hide-scrollbars",
-    "--remote-debugging-port=0",
+    *("--disable-quic", "--no-first-run", "--disable-sync", "--disable-background-networking"),
+    *("--disable-component-update", "--remote-debugging-port=0"),
 )
 START_S = 60.0
 
@@ -103,14 +95,9 @@ def tab(profile: Path, width: int = 1400, height: int = 900) -> Iterator[Tab]:
 
     program = chromium()
     assert program is not None
-    command = [
-        program,
-        *FLAGS,
-        f"--user-data-dir={profile}",
-        f"--window-size={width},{height}",
-        "about:blank",
-    ]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    options = (f"--user-data-dir={profile}", f"--window-size={width},{height}", "about:blank")
+    silent = dict.fromkeys(("stdout", "stderr"), subprocess.DEVNULL)
+    process = subprocess.Popen([program, *FLAGS, *options], **silent)
     try:
         address = _page_address(profile / "DevToolsActivePort")
         with connect(address, max_size=None, proxy=None, ping_interval=None) as connection:  # slow machines

@@ -1,5 +1,6 @@
 """A robot made of frames alone, a clock of given times and a log in memory."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -43,11 +44,8 @@ class FrameRobot:
 
     def receive(self, now_us: int) -> list[Frames]:
         answering = np.setdiff1d(ROWS, self.silent)
-        batches = [
-            self._end.reply(
-                answering, report(self.readings[:, answering], self.error[answering], self.temperature_c)
-            )
-        ]
+        reported = report(self.readings[:, answering], self.error[answering], self.temperature_c)
+        batches = [self._end.reply(answering, reported)]
         if not self.imu_silent:
             self._count += 1
             reading = imu.Inertial(self.gyro, self.acceleration, self.quaternion)
@@ -90,37 +88,19 @@ class Ticks:
 
 
 class Notebook:
-    """A log that keeps its records."""
+    """A log that keeps its records: the method's name and its arguments."""
 
     def __init__(self) -> None:
         self.result: list[tuple] = []
 
-    def begin(self, start_ns: int) -> None:
-        pass
+    def __getattr__(self, kind: str) -> Callable[..., None]:
+        return lambda *record: self.result.append((kind, *record))
 
     def tick(self, now_us: int, sensed: Any, result: Any, commanded: np.ndarray | None) -> None:
         self.result.append(("tick", now_us, sensed, commanded))
 
     def policy_step(self, now_us: int, inputs: PolicyInput, command: JointCommand, policy: Any) -> None:
         self.result.append(("policy_step", now_us, inputs, command))
-
-    def battery(self, now_us: int, battery: Any) -> None:
-        pass
-
-    def timing(self, now_us: int, work_us: float, lateness_us: float) -> None:
-        self.result.append(("timing", now_us, work_us, lateness_us))
-
-    def state(self, now_us: int, state: Any) -> None:
-        self.result.append(("state", now_us, state))
-
-    def change(self, now_us: int, change: Any) -> None:
-        self.result.append(("change", now_us, change))
-
-    def order(self, now_us: int, order: Any) -> None:
-        self.result.append(("order", now_us, order))
-
-    def note(self, now_us: int, note: str) -> None:
-        self.result.append(("note", now_us, note))
 
     def of(self, kind: str) -> list[tuple]:
         return [each[1:] for each in self.result if each[0] == kind]

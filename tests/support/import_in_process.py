@@ -42,14 +42,8 @@ def import_in_process(
     if bytecode is not None:
         environment.pop("PYTHONDONTWRITEBYTECODE", None)
         environment["PYTHONPYCACHEPREFIX"] = str(bytecode)
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT.format(blocked=blocked, names=names)],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-c", SCRIPT.format(blocked=blocked, names=names)]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     seconds, loaded = json.loads(done.stdout.splitlines()[-1])
     return seconds, loaded

@@ -64,14 +64,8 @@ def loop_on(
     ticking = RealtimeTicks if realtime else LockstepClock
     clock: Any = ticking(TICK_US) if times_us is None else Ticks(times_us)
     steering = Steering(source_of(command_source), [policy], get_up="" if get_up is None else get_up.name)
-    runner = PolicyRunner(
-        Handover([policy], None, get_up),
-        steering,
-        config.joint_rate_hz,
-        safety.late_limit_s,
-        realtime,
-        get_up=get_up,
-    )
+    rate_hz, handover = config.joint_rate_hz, Handover([policy], None, get_up)
+    runner = PolicyRunner(handover, steering, rate_hz, safety.late_limit_s, realtime, get_up=get_up)
     return ControlLoop(
         robot,
         wiring,

@@ -65,9 +65,8 @@ def comparison(go1: Robot, *results: PolicyResult) -> Comparison:
 
 
 def page_of(go1: Robot, *results: PolicyResult) -> str:
-    films = {
-        each.name: TaskResult(FILM) if each.course.trace else TaskResult(None, "no light") for each in results
-    }
+    film, none = TaskResult(FILM), TaskResult(None, "no light")
+    films = {each.name: film if each.course.trace else none for each in results}
     return render(comparison(go1, *results), films)
 
 
@@ -88,9 +87,8 @@ class Page(HTMLParser):
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         if tag not in self.VOID:
             self._open.append(tag)
-        self.references += [
-            value or "" for name, value in attrs if name in {"src", "href", "poster", "xlink:href"}
-        ]
+        references = {"src", "href", "poster", "xlink:href"}
+        self.references += [value or "" for name, value in attrs if name in references]
         self.identities += [value or "" for name, value in attrs if name == "id"]
 
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:

@@ -49,11 +49,7 @@ class UserFolder:
         return line
 
     def _run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        command, environment = [sys.executable, *arguments], os.environ | {"OMP_NUM_THREADS": "1"}
         return subprocess.run(
-            [sys.executable, *arguments],
-            cwd=self.path,
-            env=os.environ | {"OMP_NUM_THREADS": "1"},
-            capture_output=True,
-            text=True,
-            check=False,
+            command, cwd=self.path, env=environment, capture_output=True, text=True, check=False
         )

@@ -25,7 +25,7 @@ from footfall.train.config import load_preset
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Skip the search for a lying pose, which takes seconds (tests/plant/test_lying.py)."""
+    """Skip the search for a lying pose, which takes seconds (tests/plant/test_standing.py)."""
     monkeypatch.setattr("footfall.plant.lying.find_lying_pose", lambda _: None)
 
 
