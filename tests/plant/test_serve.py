@@ -65,6 +65,7 @@ def test_options_reach_the_simulated_robot(monkeypatch: pytest.MonkeyPatch) -> N
     options = "--robot hexapod --bus virtual --plant other.xml --motor-timeout 0.7 --duration 0.0"
     monkeypatch.setattr("sys.argv", ["serve", *options.split()])
     module.main()
+    serving.return_value.__enter__.assert_called_once()
     robot, *settings = serving.call_args.args
     assert robot.name == "hexapod"
     assert settings == ["virtual", PlantConfig(Path("other.xml"), motor_timeout_s=0.7)]
