@@ -23,6 +23,8 @@ import gc
 import multiprocessing
 import shutil
 import signal
+import sys
+import threading
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Executor, Future
 from dataclasses import replace
@@ -33,7 +35,6 @@ import numpy as np
 import pytest
 from file_order import LONGEST, TOGETHER
 from hypothesis import settings
-from lowering import share_contexts
 from recorder import Recorder
 from shell import Shell
 from tiny_policy import contract_of
@@ -51,8 +52,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("footfall", deadline=None, max_examples=60, derandomize=True)
 settings.load_profile("footfall")
 
-
 HERE = Path(__file__).parent
+PROGRAMS_OF_A_CONTEXT = 200  # more would need much memory, because a context keeps their constants
 
 locks.NAMESPACE = f"footfall-tests-{os.getpid()}"  # tests of another run hold buses of the same names
 
@@ -68,6 +69,31 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
             return TOGETHER.get(file.removeprefix("tests/"), file)
 
     return Scheduling(config, log)
+
+
+def share_contexts() -> None:
+    """Programs that are compiled one after the other have one MLIR context, if JAX has been imported.
+
+    JAX makes one for every program, a third of a small program's compilation time; JAX 0.11 shares contexts
+    by itself. While another thread runs, every program has a context of its own.
+    """
+    try:
+        mlir: Any = sys.modules["jax._src.interpreters.mlir"]
+        make = mlir.make_ir_context
+    except (KeyError, AttributeError):
+        return
+    threads = set(threading.enumerate())
+    made: list[Any] = []
+
+    def context() -> Any:
+        if not threads.issuperset(threading.enumerate()):
+            return make()
+        if len(made) % PROGRAMS_OF_A_CONTEXT == 0:
+            made[:] = [make()]
+        made.append(made[-1])
+        return made[-1]
+
+    mlir.make_ir_context = context
 
 
 @pytest.hookimpl(wrapper=True)

@@ -19,21 +19,9 @@ OFFER = Offer(
     {"step_height_m": Span(0.02, 0.1, 0.05), "body_height_m": Span(0.2, 0.3, 0.28)},
 )
 WALKING = Status(
-    0.0,
-    1.0,
-    Mode.WALKING,
-    "trot",
-    np.zeros(3),
-    np.zeros(3),
-    0.3,
-    Pose(1.0, 2.0, 0.0),
-    (),
-    ("a",),
-    OFFER,
+    *(0.0, 1.0, Mode.WALKING, "trot", np.zeros(3), np.zeros(3), 0.3, Pose(1.0, 2.0, 0.0), (), ("a",), OFFER),
     applied=Applied("wave", {"step_height_m": 0.05, "body_height_m": 0.25}),
 )
-
-
 LIMITS = Limits(CommandRange((-0.5, 1.0), (-0.3, 0.3), (-0.8, 0.8)), min_norm=0.1)
 ZERO_LIMITS = Limits(CommandRange((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)))
 
