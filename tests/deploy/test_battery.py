@@ -66,22 +66,19 @@ def test_limits_fall_with_the_charge_until_the_run_has_to_end(go1: Robot) -> Non
     assert end.charge == pytest.approx(LIMITS.empty_charge, abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("change", "fault"),
-    [
-        ({}, ""),
-        ({"resistance": 3.0}, ""),  # old and cold: less is allowed, and the robot continues
+def test_a_sagging_pack_and_a_wrong_voltage_reading_are_faults(go1: Robot) -> None:
+    for change, fault in (
+        ({}, "^$"),
+        ({"resistance": 3.0}, "^$"),  # old and cold: less is allowed, and the robot continues
         ({"resistance": 12.0}, "empty|differs"),  # below the cells' limit
         ({"voltage_error_v": np.full(12, -8.0)}, "differs"),
         ({"voltage_error_v": np.full(12, 8.0)}, "differs"),
-        ({"voltage_error_v": -30.0 * (np.arange(12) < 3)}, ""),  # readings of the other motors count
-    ],
-)
-def test_a_sagging_pack_and_a_wrong_voltage_reading_are_faults(go1: Robot, change: dict, fault: str) -> None:
-    pack = Pack(go1, 0.6)
-    assert pack.draw(5.0).fault == ""
-    vars(pack).update(change)
-    assert re.search(fault or "^$", pack.draw(5.0).fault)
+        ({"voltage_error_v": -30.0 * (np.arange(12) < 3)}, "^$"),  # readings of the other motors count
+    ):
+        pack = Pack(go1, 0.6)
+        assert pack.draw(5.0).fault == ""
+        vars(pack).update(change)
+        assert re.search(fault, pack.draw(5.0).fault), change
 
 
 def test_motors_that_report_no_current_are_counted_by_torque_and_speed(go1: Robot) -> None:

@@ -63,21 +63,18 @@ class TestUndisturbed:
         ]
         assert self.settings() == self.RESTORED
 
-    @pytest.mark.parametrize(
-        ("limit", "capabilities", "may"),
-        [
+    def test_memory_may_be_locked_without_a_limit_or_beyond_it(
+        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        for limit, capabilities, may in (
             (resource.RLIM_INFINITY, "0000000000000000", True),
             (8 * 2**20, "0000000000004000", True),  # CAP_IPC_LOCK, as setcap gives it
             (8 * 2**20, "000001ffffffbfff", False),  # every other one
             (8 * 2**20, "", False),
-        ],
-    )
-    def test_memory_may_be_locked_without_a_limit_or_beyond_it(
-        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, limit: int, capabilities: str, may: bool
-    ) -> None:
-        monkeypatch.setattr("resource.getrlimit", lambda _: (limit, limit))
-        (tmp_path / "status").write_text(f"CapPrm:\t0\nCapEff:\t{capabilities}\n")
-        assert clock_module.may_lock_memory(tmp_path / "status") is may
+        ):
+            monkeypatch.setattr("resource.getrlimit", Mock(return_value=(limit, limit)))
+            (tmp_path / "status").write_text(f"CapPrm:\t0\nCapEff:\t{capabilities}\n")
+            assert clock_module.may_lock_memory(tmp_path / "status") is may, capabilities
 
 
 @pytest.mark.parametrize("length", [0, 3, 8])

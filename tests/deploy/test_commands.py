@@ -12,18 +12,15 @@ from footfall.robots.commands import CommandRange
 RANGES = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-1.0, 1.0))
 
 
-@pytest.mark.parametrize(
-    ("requested", "given"),
-    [
+def test_commands_are_clipped_axis_by_axis() -> None:
+    for requested, given in (
         ([1.5, -0.5, 1.0], [1.5, -0.5, 1.0]),
         ([5.0, 0.0, 0.0], [1.5, 0.0, 0.0]),
         ([-5.0, 3.0, -2.0], [-1.0, 0.5, -1.0]),
         ([1e300, 0.0, 0.0], [1.5, 0.0, 0.0]),
         ([np.nan, np.inf, 0.3], [0.0, 0.0, 0.3]),
-    ],
-)
-def test_commands_are_clipped_axis_by_axis(requested: list[float], given: list[float]) -> None:
-    assert CommandLimits(RANGES).apply(np.array(requested)).tolist() == given
+    ):
+        assert CommandLimits(RANGES).apply(np.array(requested)).tolist() == given
 
 
 def test_each_clipped_axis_is_noted_once_and_the_requested_command_stays_unchanged() -> None:
@@ -40,21 +37,20 @@ def test_each_clipped_axis_is_noted_once_and_the_requested_command_stays_unchang
 
 @pytest.mark.parametrize("mode", Mode)
 def test_every_mode_of_the_supervisor_has_a_mode_for_operators(mode: Mode) -> None:
+    """A status shows whether a fault ended the run."""
     person, program = (field_mode(mode, False, autonomous) for autonomous in (False, True))
     if mode is Mode.WALKING:
         assert (person, program) == (FieldMode.TELEOPERATION, FieldMode.AUTONOMOUS)
     else:
         assert person is program
     recovers = mode is Mode.RECOVERING  # which begins with a fall
-    assert field_mode(mode, True, False) is (FieldMode.RECOVERING if recovers else FieldMode.FAULT)
+    after_fault = FieldMode.RECOVERING if recovers else FieldMode.FAULT
+    assert field_mode(mode, True, False) is after_fault
     if mode in (Mode.FALLING, Mode.ESTOP):
         assert person is FieldMode.FAULT
     elif mode in (*DAMPED, Mode.STOPPING, Mode.LOWERING):
         assert person is FieldMode.ENDING
-
-
-@pytest.mark.parametrize(("faults", "mode"), [(["a fault"], FieldMode.FAULT), ([], FieldMode.ENDING)])
-def test_a_status_shows_that_a_fault_ended_the_run(faults: list[str], mode: FieldMode) -> None:
     still = np.zeros(3)
-    status = Status(9.0, 0.0, Mode.LOWERING, "trot", still, still, 0.0, UNKNOWN_POSE, faults, [], Offer())
-    assert status.field_mode is mode
+    for faults, expected in ((["a fault"], after_fault), ([], program)):
+        status = Status(9.0, 0.0, mode, "trot", still, still, 0.0, UNKNOWN_POSE, faults, [], Offer())
+        assert status.field_mode is expected

@@ -1,7 +1,6 @@
 """Damiao motors: frames by the maker's tables, queries at the start, robots with several makers."""
 
 import numpy as np
-import pytest
 from some_motors import frame, hexed, read_settings, two_motors, with_motors
 
 from footfall.deploy.drivers.choice import open_driver
@@ -14,23 +13,17 @@ from footfall.robots.description import Robot
 TWO = two_motors("DM4310", "DM8009")
 
 
-@pytest.fixture
-def driver() -> DamiaoDriver:
+def test_frames_are_encoded_and_decoded_as_in_the_manual() -> None:
+    """3.2 rad in ±12.5 is 15.7 / 25 of 65535: 41156, 0xa0c4. The range uses all codes.
+
+    State 1 and id 3 share byte 0 of a reply. The hotter of MOSFETs and rotor counts. States above 1: errors.
+    """
     driver = DamiaoDriver(TWO)
     read_settings(driver, DamiaoMotorEnd(TWO))
-    return driver
-
-
-def test_a_command_is_encoded_as_in_the_manual(driver: DamiaoDriver) -> None:
-    """3.2 rad in ±12.5 is 15.7 / 25 of 65535: 41156, 0xa0c4. The range uses all codes."""
     values = np.array([[-12.5, 3.2], [30.0, -45.0], [0.0, 500.0], [5.0, 0.0], [-10.0, 54.0]])
     frames = driver.command(values)
     assert frames.id.tolist() == [3, 3]
     assert hexed(frames) == ["00 00 ff f0 00 ff f0 00", "a0 c4 00 0f ff 00 0f ff"]
-
-
-def test_a_reply_is_decoded_as_in_the_manual(driver: DamiaoDriver) -> None:
-    """State 1 and id 3 share byte 0. Of MOSFETs and rotor the hotter counts. States above 1 are errors."""
     replies = driver.replies(frame(0x203, "13 ff ff 00 0f ff 28 2d"))
     assert np.arange(2)[replies.motor].tolist() == [0]
     np.testing.assert_allclose(replies.values[:, 0], [12.5, -30.0, 10.0])

@@ -92,19 +92,17 @@ def test_foot_forces_may_replace_torques(shell: Shell, walk: Walk, tmp_path: Pat
     assert "/odom" not in counts
 
 
-@pytest.mark.parametrize(
-    ("changes", "named"),
-    [
+def test_an_unfit_map(shell: Shell, walk: Walk, tmp_path: Path) -> None:
+    rows: tuple[tuple[dict[str, Any], str], ...] = (
         ({"time": "clock"}, "clock"),
         ({"joint_position": {"knee": "t"}}, "FR_hip_joint"),
         ({"foot_force": dict.fromkeys((*FEET, "tail"), "ax")}, "tail"),
         ({"time_unit_s": -1.0}, "time_unit_s"),
         ({"time": "ax"}, "line"),
         ({"gyro": ["ax", "ay", "az"]}, "never at rest"),  # no attitude
-    ],
-)
-def test_an_unfit_map(shell: Shell, walk: Walk, tmp_path: Path, changes: dict[str, Any], named: str) -> None:
-    assert named in shell.refuses(*command(walk[0], tmp_path, MAP | changes))
+    )
+    for changes, named in rows:
+        assert named in shell.refuses(*command(walk[0], tmp_path, MAP | changes))
 
 
 def test_tables_of_spreadsheets_are_read_and_a_cell_without_a_number_is_refused(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
-"""A bridge steers over a Unix socket: requests reach the inbox, refusals are returned as a line."""
+"""A bridge steers over a Unix socket, by velocities, or by a path that is walked by odometry."""
 
+import cmath
+import math
 import socket
 import time
 from collections.abc import Iterator
@@ -9,11 +11,14 @@ from typing import Any
 import pytest
 from walking_run import WALKING, abilities, eventually
 
-from footfall.deploy.command_source import Behaviour
+from footfall.deploy.command_source import UNKNOWN_POSE, Behaviour, Pose
 from footfall.operate.inbox import Inbox, InboxConfig
 from footfall.operate.ros2.link import Link
 from footfall.operate.ros2.path_source import PathSource
 from footfall.operate.ros2.steering_socket import SteeringSocket
+
+STEP_S = 0.02
+AT_START = WALKING._replace(pose=Pose(0.0, 0.0, 0.0))
 
 
 @pytest.fixture
@@ -97,3 +102,52 @@ def test_a_lost_bridge_stops_steering_for_another(inbox: Inbox, paths: PathSourc
     assert "gone" in eventually(lambda: inbox.poll(WALKING).note)
     link = Link(str(path), lambda _: None, lambda _: None)
     assert link.ask(velocity=[0.1, 0, 0]) == ""
+
+
+def test_a_path_in_odom_is_walked_from_the_robots_position(paths: PathSource) -> None:
+    """The robot moves exactly as commanded until the walk is over."""
+    assert paths.follow([[2.0, 1.0], [2.0, 2.0], [1.0, 2.0]], math.pi / 2) == ""
+    status = WALKING._replace(pose=Pose(1.0, 1.0, 2.5))
+    for _ in range(3000):
+        forward, leftward, yaw_rate = paths.poll(status).velocity
+        x, y, yaw = status.pose
+        step = STEP_S * complex(forward, leftward) * cmath.exp(1j * yaw)
+        pose = Pose(x + step.real, y + step.imag, yaw + STEP_S * yaw_rate)
+        status = status._replace(pose=pose, walking_s=status.walking_s + STEP_S)
+        if paths.state.outcome:
+            break
+    assert (paths.state.outcome, paths.state.distance_m) == ("done", pytest.approx(0.0, abs=0.1))
+    assert math.dist(status.pose[:2], (1.0, 2.0)) < 0.1
+    assert math.remainder(status.pose.yaw_rad - math.pi / 2, 2 * math.pi) == pytest.approx(0.0, abs=0.1)
+    assert paths.poll(status).velocity.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_velocities_other_than_zero_or_a_new_owner_end_the_walk(paths: PathSource, inbox: Inbox) -> None:
+    paths.follow([[2.0, 0.0]])
+    assert paths.poll(AT_START).velocity[0] > 0.0
+    assert paths.put(velocity=[0.0, 0.0, 0.0]) == ""
+    assert paths.poll(AT_START).velocity[0] > 0.0
+    assert paths.put(velocity=[0.0, 0.1, 0.0]) == ""
+    assert paths.state is None
+    assert paths.poll(AT_START).velocity.tolist() == [0.0, 0.1, 0.0]
+    paths.follow([[2.0, 0.0]])
+    assert paths.poll(AT_START).velocity[0] > 0.0
+    inbox.take_over("page")
+    assert paths.poll(AT_START).velocity.tolist() == [0.0, 0.0, 0.0]
+    assert "page" in paths.state.outcome
+    assert paths.follow([[2.0, 0.0]]) != ""
+
+
+def test_an_invalid_path_is_refused_in_one_line(paths: PathSource) -> None:
+    wrong: tuple[Any, ...] = ([], "x", [[1]], [[math.nan, 0]], [[1e9, 0]], None, {"a": 1}, [[1, 2], "b"], 7)
+    for points in wrong:
+        assert "\n" not in paths.follow(points) != "", points
+        assert paths.state is None, points
+    assert paths.follow([[1.0, 0.0]], "up") != ""
+    assert paths.state is None
+
+
+def test_without_odometry_the_walk_gives_up(paths: PathSource) -> None:
+    paths.follow([[1.0, 0.0]])
+    assert paths.poll(WALKING._replace(pose=UNKNOWN_POSE)).velocity.tolist() == [0.0, 0.0, 0.0]
+    assert "odometry" in paths.state.outcome
