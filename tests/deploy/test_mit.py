@@ -1,6 +1,7 @@
 """MIT-mode frames: the meaning of their bits, and values at the ends of the ranges."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,9 +54,9 @@ class TestCommandFrames:
         lowered = mit.words(data) == mit.ENTER - 1  # would be decoded as a special frame, see below
         assert np.all((error <= 0.5 * CODEC.quantum * (1 + 1e-9)) | lowered)
 
-    @pytest.mark.parametrize(("word", "last"), [(mit.ENTER, 0xFC), (mit.EXIT, 0xFD), (mit.ZERO, 0xFE)])
-    def test_special_frames_are_seven_ff_and_a_code(self, word: int, last: int) -> None:
-        assert mit.special(word, 2).tolist() == [[0xFF] * 7 + [last]] * 2
+    def test_special_frames_are_seven_ff_and_a_code(self) -> None:
+        for word, last in ((mit.ENTER, 0xFC), (mit.EXIT, 0xFD), (mit.ZERO, 0xFE)):
+            assert mit.special(word, 2).tolist() == [[0xFF] * 7 + [last]] * 2
 
 
 class TestReplies:
@@ -64,14 +65,12 @@ class TestReplies:
         assert data[0].tobytes().hex(" ") == "07 ff ff 00 0f ff 28 03"
         reply = AK80_9.decode_replies(data, np.array([0]))
         assert (reply.temperature_c[0], reply.error[0]) == (40, 3)
-
-    @pytest.mark.parametrize(("factor", "code"), [(2.0, "ff ff ff ff ff"), (-2.0, "00 00 00 00 00")])
-    def test_readings_out_of_range_are_clamped_and_never_wrap(self, factor: float, code: str) -> None:
-        data = replies(factor * CODEC.highest[[0, 1, 4]], tail=40 << 8)
-        assert data[0].tobytes().hex(" ") == f"01 {code} 28 00"
+        for factor, code in ((2.0, "ff ff ff ff ff"), (-2.0, "00 00 00 00 00")):  # clamped, never wrapped
+            data = replies(factor * CODEC.highest[[0, 1, 4]], 40 << 8)
+            assert data[0].tobytes().hex(" ") == f"01 {code} 28 00"
 
     def test_a_short_reply_of_six_bytes_is_read_too(self) -> None:
-        data = replies(np.ones((3, N)), tail=99)
+        data = replies(np.ones((3, N)), 99)
         short = data.copy()
         short[:, 6:] = 0  # as the bus pads it
         full, brief = (CODEC.decode_replies(each, ALL) for each in (data, short))
@@ -89,25 +88,17 @@ def test_ranges_and_errors_are_those_of_the_makers_manual(go1: Robot) -> None:
     assert driver.error_name(99) == "error 99"
 
 
-class TestAddressing:
-    """A robot with motors 1 to 3 on each of four buses: joint 4 is the second on bus 1."""
-
-    def test_a_replys_motor_is_known_by_its_bus_and_its_id_or_the_hosts(self, go1: Robot) -> None:
-        driver, end = MitDriver(wiring_of(go1)), MitMotorEnd(wiring_of(go1))
-        motors = np.array([4, 1, 11, 7])
-        sent = end.reply(motors, report(np.array([[0.1], [0.2], [0.3]]) * motors, temperature_c=35))
-        assert (sent.channel.tolist(), sent.id.tolist()) == ([1, 0, 3, 2], [0x102, 0x102, 0x103, 0x102])
-        found = driver.replies(sent)
-        assert found.motor.tolist() == [4, 1, 11, 7]  # type: ignore[union-attr]
-        np.testing.assert_allclose(found.values[0], [0.4, 0.1, 1.1, 0.7], atol=2e-4)
-        assert found.temperature_c.tolist() == [35] * 4
-        for changes, known in (
-            ({"id": np.array([0x000, 0x102, 0x102, 0x555])}, [4, 1]),
-            ({"length": np.array([8, 6, 5, 7])}, [4, 1, 7]),
-        ):
-            assert driver.replies(sent._replace(**changes)).motor.tolist() == known  # type: ignore[union-attr]
-
-    def test_a_motor_of_another_protocol_is_refused_with_its_joint(self, go1: Robot) -> None:
-        wiring = wiring_of(go1)
-        with pytest.raises(UserError, match=r"FR_hip_joint: .*'XY1'.*AK80-9.*DM8009"):
-            open_driver(replace(wiring, models=("XY1", *wiring.models[1:])))
+def test_a_replys_motor_is_known_by_its_bus_and_its_id_or_the_hosts(go1: Robot) -> None:
+    """Motors 1 to 3 are on each of four buses: joint 4 is the second on bus 1. A foreign model is refused."""
+    wiring, motors = wiring_of(go1), np.array([4, 1, 11, 7])
+    driver, end = MitDriver(wiring), MitMotorEnd(wiring)
+    sent = end.reply(motors, report(np.array([[0.1], [0.2], [0.3]]) * motors, temperature_c=35))
+    assert (sent.channel.tolist(), sent.id.tolist()) == ([1, 0, 3, 2], [0x102, 0x102, 0x103, 0x102])
+    found: Any = driver.replies(sent)
+    assert (found.motor.tolist(), found.temperature_c.tolist()) == ([4, 1, 11, 7], [35] * 4)
+    np.testing.assert_allclose(found.values[0], [0.4, 0.1, 1.1, 0.7], atol=2e-4)
+    ids, lengths = np.array([0x000, 0x102, 0x102, 0x555]), np.array([8, 6, 5, 7])
+    assert np.asarray(driver.replies(sent._replace(id=ids)).motor).tolist() == [4, 1]
+    assert np.asarray(driver.replies(sent._replace(length=lengths)).motor).tolist() == [4, 1, 7]
+    with pytest.raises(UserError, match=r"FR_hip_joint: .*'XY1'.*AK80-9.*DM8009"):
+        open_driver(replace(wiring, models=("XY1", *wiring.models[1:])))

@@ -12,17 +12,10 @@ from footfall.deploy.estimation.odometry import YAW, DelayUncertainty, PoseUncer
 NO_DRIFT = OdometryConfig(orientation_noise=0.0, yaw_drift=0.0, scale_error=0.0, climb_error=0.0, slip=0.0)
 
 
-def drift_of(**errors: float) -> PoseUncertainty:
-    return PoseUncertainty(replace(NO_DRIFT, **errors))
-
-
 class TestDrift:
     def test_yaw_drift_rotates_the_path(self) -> None:
-        """The robot walks straight at v; its yaw is a random walk of q.
-
-        Variances are q^2 T of the yaw, v^2 q^2 T^3 / 3 across.
-        """
-        drift = drift_of(yaw_drift=0.01)
+        """Straight ahead at v, with a random walk q of the yaw: q^2 T of the yaw, v^2 q^2 T^3 / 3 across."""
+        drift = PoseUncertainty(replace(NO_DRIFT, yaw_drift=0.01))
         for _ in range(8000):
             drift.advance([0.0, 0.5, 0.3], 0.001)
         found = drift.covariance(np.array([0.0, 4.0, 0.0]))
@@ -33,12 +26,12 @@ class TestDrift:
 
     def test_a_wrong_scale_is_a_share_of_the_displacement(self) -> None:
         moved = np.array([3.0, -4.0, 0.0])
-        found = drift_of(scale_error=0.02).covariance(moved)[:3, :3]
+        found = PoseUncertainty(replace(NO_DRIFT, scale_error=0.02)).covariance(moved)[:3, :3]
         np.testing.assert_allclose(found, 0.0004 * np.outer(moved, moved), atol=1e-15)
 
     def test_slips_add_up_with_the_walked_distance(self) -> None:
         """The robot walks 1.5 m ahead and 1.5 m back: three metres."""
-        drift = drift_of(slip=0.02, climb_error=0.1)
+        drift = PoseUncertainty(replace(NO_DRIFT, slip=0.02, climb_error=0.1))
         for speed in (0.5, -0.5):
             for _ in range(300):
                 drift.advance([speed, 0.0, 0.0], 0.01)
@@ -61,8 +54,6 @@ class TestLateness:
     def test_the_error_of_lateness_is_a_filters_mean_square_lag(self) -> None:
         """A step of 1 m/s is late by 3 ms. At first, 3/4 are missing after a tick of 1 ms; a tenth counts."""
         lateness = DelayUncertainty(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
-        lateness.advance([0.0, 0.0, 0.0], 0.001)
-        lateness.advance([0.0, 0.0, 1.0], 0.001)
-        assert lateness.covariance[2, 2] == pytest.approx(0.1 * 0.75**2)
-        lateness.advance([0.0, 0.0, 1.0], 0.001)
-        assert lateness.covariance[2, 2] == pytest.approx(0.9 * 0.1 * 0.75**2 + 0.1 * 0.75**4)
+        for speed, expected in ((0.0, 0.0), (1.0, 0.1 * 0.75**2), (1.0, 0.09 * 0.75**2 + 0.1 * 0.75**4)):
+            lateness.advance([0.0, 0.0, speed], 0.001)
+            assert lateness.covariance[2, 2] == pytest.approx(expected)

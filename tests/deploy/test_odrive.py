@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from deploy_policies import Hold, short_episode
 from reports import report
-from some_motors import MAKERS, frame, two_motors, with_motors
-from some_motors import hexed as contents
+from some_motors import MAKERS, frame, hexed, two_motors, with_motors
 
 from footfall import JointCommand, Robot, run_episode
 from footfall.deploy.config import DeployConfig
@@ -34,8 +33,9 @@ def heartbeat(state: int, error: int = 0, channel: int = 0) -> Frames:
     return frame(0x061, struct.pack("<IBBBB", error, state, 0, 1, 0), channel)
 
 
-def hexed(frames: Frames) -> list[tuple[int, str]]:
-    return list(zip(frames.id.tolist(), contents(frames), strict=True))
+def rows(frames: Frames) -> list[tuple[int, str]]:
+    """The identifier and content of each frame."""
+    return list(zip(frames.id.tolist(), hexed(frames), strict=True))
 
 
 def answer_all(driver: OdriveDriver) -> None:
@@ -65,20 +65,21 @@ class TestFrames:
             ("clear", 0x078, ""),
             ("zero", 0x079, "00 00 00 00"),
         ):
-            assert hexed(getattr(OdriveDriver(TWO), order)())[0] == (identifier, content)
+            assert rows(getattr(OdriveDriver(TWO), order)())[0] == (identifier, content)
 
     def test_a_torque_is_a_float_at_the_rotor(self, driver: OdriveDriver) -> None:
         """2.5 N m is 0x40200000; behind a gear of 8 it takes 0.3125, 0x3ea00000."""
         values = np.zeros((5, 2))
         values[4] = 2.5
-        assert hexed(driver.command(values)) == [(0x06E, "00 00 20 40"), (0x06E, "00 00 a0 3e")]
+        assert rows(driver.command(values)) == [(0x06E, "00 00 20 40"), (0x06E, "00 00 a0 3e")]
 
     def test_damping_is_velocity_control_at_rest(self, driver: OdriveDriver) -> None:
         """Behind a gear of 8, 3 N m s/rad are 3 * 2 pi / 64 = 0.29452 N m/(turn/s), 0x3e96cbe4."""
-        rest, gain, mode = driver.damping(np.full(2, 3.0))
-        assert hexed(rest)[1] == (0x06D, "00 00 00 00 00 00 00 00")
-        assert hexed(gain)[1] == (0x07B, "e4 cb 96 3e 00 00 00 00")
-        assert hexed(mode)[1] == (0x06B, "02 00 00 00 01 00 00 00")
+        assert [rows(batch)[1] for batch in driver.damping(np.full(2, 3.0))] == [
+            (0x06D, "00 00 00 00 00 00 00 00"),
+            (0x07B, "e4 cb 96 3e 00 00 00 00"),
+            (0x06B, "02 00 00 00 01 00 00 00"),
+        ]
 
     @pytest.mark.filterwarnings("error")
     def test_readings_are_finite_of_own_nodes_and_the_estimated_torque(self, driver: OdriveDriver) -> None:
@@ -96,8 +97,7 @@ class TestFrames:
         """33 f5 42 41 was recorded from an axis on 12 V. The hotter of two temperatures counts."""
         before = driver.replies(pair(0x069, 0.0, 0.0))
         assert np.isnan([before.voltage[0], before.temperature_c[0]]).all()
-        driver.replies(frame(0x077, bytes.fromhex("33f542410000c03f")))
-        driver.replies(pair(0x075, 40.0, 55.0))
+        driver.replies(joined([frame(0x077, "33f542410000c03f"), pair(0x075, 40.0, 55.0)]))
         after = driver.replies(pair(0x069, 0.0, 0.0))
         found = after.voltage[0], after.current_a[0], after.temperature_c[0]
         assert found == (pytest.approx(12.184863), 1.5, 55.0)
@@ -153,40 +153,33 @@ class TestStart:
         assert driver.not_enabled().startswith(KNEE)
         assert driver.not_confirmed_off().tolist() == [True, False]
 
-    @pytest.mark.parametrize(
-        ("enabled", "timeout_s", "reason"),
-        [
+    def test_a_watchdog_is_read_and_has_limits(self) -> None:
+        """Queries read the knee's endpoints 0x19a, a switch of one byte, and 0x199, little-endian."""
+        for enabled, timeout_s, reason in (
             (1, 0.1, ""),
             (1, 0.02, ""),
             (1, 0.1 * (1 + 1e-7), ""),  # by a float's rounding
             (1, 0.11, "watchdog of 0.11 s"),
             (0, 0.1, "watchdog disabled"),
             (1, 0.0, "watchdog of 0 s"),
-        ],
-    )
-    def test_a_watchdog_is_read_and_has_limits(self, enabled: int, timeout_s: float, reason: str) -> None:
-        """Queries read the knee's endpoints 0x19a, a switch of one byte, and 0x199, little-endian."""
-        driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
-        answer_all(driver)
-        assert "watchdog" in driver.not_ready()
-        assert hexed(driver.query_settings())[2:] == [(0x064, "00 9a 01 00")]
-        assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, enabled]), 1)).values.size
-        assert hexed(driver.query_settings())[2:] == [(0x064, "00 99 01 00")]
-        driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", timeout_s), 1))
-        assert reason in driver.not_ready() if reason else driver.not_ready() == ""
-        assert len(driver.query_settings().id) == 2  # nothing is left to be read
+        ):
+            driver = OdriveDriver(replace(TWO, watchdog_endpoints=np.array([[0, 0], [0x19A, 0x199]])))
+            answer_all(driver)
+            assert "watchdog" in driver.not_ready()
+            assert rows(driver.query_settings())[2:] == [(0x064, "00 9a 01 00")]
+            assert not driver.replies(frame(0x065, bytes([0, 0x9A, 1, 0, enabled]), 1)).values.size
+            assert rows(driver.query_settings())[2:] == [(0x064, "00 99 01 00")]
+            driver.replies(frame(0x065, bytes([0, 0x99, 1, 0]) + struct.pack("<f", timeout_s), 1))
+            assert reason in driver.not_ready() if reason else driver.not_ready() == ""
+            assert len(driver.query_settings().id) == 2  # nothing is left to be read
 
 
 class TestMotorEnd:
-    def test_a_torque_command_needs_torque_mode(self) -> None:
-        driver, end = OdriveDriver(TWO), OdriveMotorEnd(TWO)
+    def test_a_torque_command_needs_torque_mode_and_damping_velocity_mode(self, driver: OdriveDriver) -> None:
+        end = OdriveMotorEnd(TWO)
         assert not end.requests(driver.command(np.ones((5, 2)))).values.size
         end.requests(driver.query_settings())
         assert end.requests(driver.command(np.ones((5, 2)))).values.shape == (5, 2)
-
-    def test_a_simulated_axis_damps_in_velocity_mode(self, driver: OdriveDriver) -> None:
-        end = OdriveMotorEnd(TWO)
-        end.requests(driver.query_settings())
         rest, gain, mode = driver.damping(np.full(2, 3.0))
         np.testing.assert_array_equal(end.requests(rest).values, np.zeros((5, 2)))  # the torque is gone
         assert end.requests(gain).values.shape == end.requests(mode).values.shape == (5, 0)
@@ -194,19 +187,19 @@ class TestMotorEnd:
         np.testing.assert_allclose(braked.values, [[0] * 2, [0] * 2, [0] * 2, [3] * 2, [0] * 2])
         assert np.asarray(braked.kind).tolist() == [Request.COMMAND] * 2
 
-    @pytest.mark.parametrize(
-        ("error", "bits"), [(0, 0), (1, 1), (10, 0x200), (odrive.WATCHDOG, 0x01000000), (32, 0x80000000)]
-    )
-    def test_an_error_is_the_manuals_bit(self, driver: OdriveDriver, error: int, bits: int) -> None:
+    def test_an_error_is_the_manuals_bit(self, driver: OdriveDriver) -> None:
         """0x200 is under-voltage, 0x01000000 an expired watchdog; only the hip reports it."""
-        end, rest, states = OdriveMotorEnd(TWO), np.zeros((3, 2)), np.array([error, 0])
-        reports = (end.broadcast(ms * 1000, rest[0] == 0, report(rest, states, 41)) for ms in range(100))
-        received = joined([each for each in reports if each is not None])
-        driver.replies(received)
-        beats = received.take(received.id & 0x1F == odrive.HEARTBEAT)
-        words = beats.data[:, :4].copy().view("<u4")[:, 0]
-        assert dict(zip(beats.channel.tolist(), words.tolist(), strict=True)) == {0: bits, 1: 0}
-        assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [error]
+        end, rest = OdriveMotorEnd(TWO), np.zeros((3, 2))
+        for error, bits in ((0, 0), (1, 1), (10, 0x200), (odrive.WATCHDOG, 0x01000000), (32, 0x80000000)):
+            state = report(rest, np.array([error, 0]), 41)
+            received = joined(
+                [*filter(None, (end.broadcast(1000 * ms, rest[0] == 0, state) for ms in range(100)))]
+            )
+            driver.replies(received)
+            beats = received.take(received.id & 0x1F == odrive.HEARTBEAT)
+            words = beats.data[:, :4].copy().view("<u4")[:, 0]
+            assert dict(zip(beats.channel.tolist(), words.tolist(), strict=True)) == {0: bits, 1: 0}
+            assert driver.replies(pair(0x069, 0.0, 0.0)).error.tolist() == [error]
 
 
 def test_axes_damp_by_themselves_when_the_host_receives_nothing(go1: Robot) -> None:

@@ -91,18 +91,14 @@ WRONG_PARTS: list[tuple[str, Any]] = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("part", "driver"),
-    [(name, lacking(name)) for name in PARTS]
-    + [(name, type("Changed", (OwnDriver,), {name: part})) for name, part in WRONG_PARTS],
-)
-def test_an_unsuitable_motor_driver_is_refused(
-    monkeypatch: pytest.MonkeyPatch, part: str, driver: type
-) -> None:
-    monkeypatch.setattr(own_drivers, "Misfit", driver, raising=False)
-    message = refusal_of(open_driver, two_motors("own_drivers:Misfit", "own_drivers:Misfit"))
-    assert "own_drivers:Misfit" in message
-    assert part in message
+def test_an_unsuitable_motor_driver_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, driver in (
+        *((name, lacking(name)) for name in PARTS),
+        *((name, type("Changed", (OwnDriver,), {name: part})) for name, part in WRONG_PARTS),
+    ):
+        monkeypatch.setattr(own_drivers, "Misfit", driver, raising=False)
+        message = refusal_of(open_driver, two_motors("own_drivers:Misfit", "own_drivers:Misfit"))
+        assert ("own_drivers:Misfit" in message, name in message) == (True, True)
 
 
 def test_a_missing_driver_is_refused_with_its_joint_or_as_the_imus() -> None:
@@ -112,8 +108,7 @@ def test_a_missing_driver_is_refused_with_its_joint_or_as_the_imus() -> None:
         ("own_drivers:REPLY", "not a class"),
         ("NoSuchMotor", "MODULE:NAME"),
     ):
-        wiring = two_motors(import_path, "RS00")
-        message = refusal_of(open_driver, wiring)
+        message = refusal_of(open_driver, wiring := two_motors(import_path, "RS00"))
         assert ("joint hip" in message, part in message) == (True, True)
         with pytest.raises(UserError, match=part):
             open_imu(replace(wiring, imu_protocol=import_path))

@@ -3,6 +3,7 @@
 import sys
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ class FakeBus:
     """The part of python-can's bus that ours uses."""
 
     def __init__(self, **options: Any) -> None:
-        self.options, self.closed = options, 0
+        self.options, self.shutdown = options, Mock()
         self.sent: list[Any] = []
         self.waiting: list[Any] = []
 
@@ -33,9 +34,6 @@ class FakeBus:
         if found == "failure":
             raise ValueError  # a foreign datagram
         return found
-
-    def shutdown(self) -> None:
-        self.closed += 1
 
 
 REFUSED = 3  # an identifier
@@ -60,6 +58,15 @@ def buses(monkeypatch: pytest.MonkeyPatch) -> list[FakeBus]:
     return buses
 
 
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeTime:
+    """The clock of the buses and of the frames' times."""
+    fake = FakeTime()
+    monkeypatch.setattr(interface_time, "time", fake)
+    monkeypatch.setattr(python_can_bus, "time", fake)
+    return fake
+
+
 class TestPythonCanBus:
     def test_buses_are_opened_by_name_or_by_port(self, buses: list[FakeBus]) -> None:
         filters = ({"can_id": 1, "can_mask": 2, "extended": False},)
@@ -71,27 +78,23 @@ class TestPythonCanBus:
 
     def test_each_frame_goes_to_its_bus_with_its_bytes(self, buses: list[FakeBus]) -> None:
         bus = PythonCanBus("slcan", ("can0", "can1"), ())
-        data = np.arange(32, dtype=np.uint8).reshape(4, 8)
-        frames = Frames(
-            np.array([1, 0, 1, 1]), np.array([4, REFUSED, 2, REFUSED]), data, np.array([8, 8, 3, 8])
-        )
-        assert bus.send(frames, 0) == 2
+        data, lengths = np.arange(32, dtype=np.uint8).reshape(4, 8), np.array([8, 8, 3, 8])
+        identifiers = np.array([4, REFUSED, 2, REFUSED])
+        assert bus.send(Frames(np.array([1, 0, 1, 1]), identifiers, data, lengths), 0) == 2
         sent = [[(m.arbitration_id, m.data) for m in each.sent] for each in buses]
         assert sent == [[], [(4, bytes(range(8))), (2, bytes([16, 17, 18]))]]
         statistics = [(s.name, s.frames_sent, s.frames_refused) for s in bus.statistics()]
         assert statistics == [("can0", 0, 1), ("can1", 2, 1)]
         bus.close()
         bus.close()
-        assert [each.closed for each in buses] == [1, 1]
+        assert [each.shutdown.call_count for each in buses] == [1, 1]
 
     def test_plain_frames_of_all_buses_come_in_one_batch(self, buses: list[FakeBus]) -> None:
         bus = PythonCanBus("udp_multicast", ("can0", "can1"), ALL_FRAMES)
+        kinds = "is_error_frame", "is_remote_frame", "is_extended_id"
         buses[0].waiting = [
             received(5, b"\x01\x02"),
-            *(
-                received(6, b"", **{f"is_{kind}": True})
-                for kind in ("error_frame", "remote_frame", "extended_id")
-            ),
+            *(received(6, b"", **{kind: True}) for kind in kinds),
             received(6, b"123456789"),
             received(6, b"echo", is_rx=False),
             received(7, b"abcdefgh"),
@@ -102,8 +105,7 @@ class TestPythonCanBus:
         ]
         buses[1].waiting = [received(9, b"\xff")]
         (batch,) = bus.receive(0)
-        assert batch.channel.tolist() == [0, 0, 0, 1]
-        assert batch.id.tolist() == [5, 7, 8, 9]
+        assert (batch.channel.tolist(), batch.id.tolist()) == ([0, 0, 0, 1], [5, 7, 8, 9])
         assert batch.length.tolist() == [2, 8, 4, 1]
         assert [bytes(row).rstrip(b"\0") for row in batch.data] == [b"\1\2", b"abcdefgh", b"late", b"\xff"]
         assert [s.frames_received for s in bus.statistics()] == [3, 1]
@@ -128,12 +130,8 @@ class TestPythonCanBus:
         assert bus.receive(0)[0].id.tolist() == [EXTENDED | 0x0200_01FD, 0x17F, 0x305, 0x101]
         assert bus.statistics()[0].frames_received == 4
 
-    def test_a_frame_has_its_arrivals_time(
-        self, buses: list[FakeBus], monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_a_frame_has_its_arrivals_time(self, buses: list[FakeBus], fake: FakeTime) -> None:
         """Frames are read 2 ms later: two are 1.5 and 0.5 ms old, one is older, one has a future time."""
-        fake = FakeTime()
-        monkeypatch.setattr(interface_time, "time", fake)
         bus = PythonCanBus("slcan", ("can0",), ALL_FRAMES)
         fake.ns += 2_000_000
         now_s = fake.time()
@@ -158,21 +156,19 @@ class TestPythonCanBus:
             assert bus.fault().startswith(reason) if reason else bus.fault() == ""
             assert [each.errors for each in bus.statistics()] == [0, 1]
 
-    @pytest.mark.parametrize(
-        ("state", "reason"), [("ACTIVE", ""), ("PASSIVE", "passive"), ("ERROR", "bus-off")]
-    )
+    @pytest.mark.usefixtures("buses")
+    @pytest.mark.parametrize("reason", ["", "passive", "bus-off"])
     def test_a_state_without_error_frames_is_read_ten_times_a_second(
-        self, buses: list[FakeBus], monkeypatch: pytest.MonkeyPatch, state: str, reason: str
+        self, fake: FakeTime, monkeypatch: pytest.MonkeyPatch, reason: str
     ) -> None:
-        fake, read_ns = FakeTime(), []
-        monkeypatch.setattr(python_can_bus, "time", fake)
-        state_read = property(lambda _: read_ns.append(fake.ns) or SimpleNamespace(name=state))
-        monkeypatch.setattr(FakeBus, "state", state_read, raising=False)
+        """A fault stays, so the state is not read again."""
+        read_ns, name = list[int](), {"": "ACTIVE", "passive": "PASSIVE", "bus-off": "ERROR"}[reason]
+        state = property(lambda _: read_ns.append(fake.ns) or SimpleNamespace(name=name))
+        monkeypatch.setattr(FakeBus, "state", state, raising=False)
         bus, begun_ns = PythonCanBus("virtual", ("can0",), ()), fake.ns
         assert bus.fault() == ""
         for _ in range(36):
             fake.ns += 10_000_000
             bus.fault()
-        # A fault stays, so the state is not read again.
         assert [round((ns - begun_ns) / 1e8) for ns in read_ns] == ([1] if reason else [1, 2, 3])
         assert reason in bus.fault() if reason else bus.fault() == ""

@@ -3,7 +3,9 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from frame_robot import FrameRobot
 from loops import loop_of, until
 
 from footfall import JointCommand, PolicyInput, Robot, run_episode
-from footfall.deploy.command_source import Behaviour, Request, Status, Stop
+from footfall.deploy.command_source import Behaviour, Request, Stop
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
@@ -51,32 +53,21 @@ class Rise(Hold):
         return super().act(inputs)._replace(position=position)
 
 
-class Ahead:
+def ahead() -> Any:
     """A command source that always requests to walk ahead."""
-
-    def __init__(self) -> None:
-        self.stopped: Stop | None = None
-        self.seen: list[Status] = []
-
-    def poll(self, status: Status) -> Request:
-        self.seen.append(status)
-        return Request(np.array([0.2, 0.0, 0.0]), Behaviour.WALK)
+    request = Request(np.array([0.2, 0.0, 0.0]), Behaviour.WALK)
+    return SimpleNamespace(poll=Mock(return_value=request), stopped=None)
 
 
-def two_policies(robot: Robot) -> tuple[Hold, Hold]:
-    """A policy that walks, and a policy that gets up."""
+def fallen(robot: Robot, walked: bool = True, **more: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
+    """A loop whose robot walked or lies from the start on its side; its policy, and the get-up policy."""
     walks, rises = Hold(robot), Hold(robot)
     rises.name = "rises"
-    return walks, rises
-
-
-def fallen(robot: Robot, **settings: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
-    """A loop whose robot walked and lies on its side; its policy, and the get-up policy."""
-    walks, rises = two_policies(robot)
-    loop, body = loop_of(robot, walks, get_up=rises, safety=SAFETY, **settings)
-    until(loop, Mode.WALKING)
+    loop, body = loop_of(robot, walks, get_up=rises, safety=SAFETY, **more)
+    if walked:
+        until(loop, Mode.WALKING)
     body.quaternion = ON_ITS_SIDE
-    until(loop, Mode.FALLING)
+    until(loop, Mode.FALLING if walked else Mode.RECOVERING)
     return loop, body, walks, rises
 
 
@@ -89,7 +80,7 @@ def to_the_end(loop: ControlLoop) -> list[Mode]:
     return modes
 
 
-FAULTS: dict[str, Callable[[FrameRobot, ControlLoop, Ahead], object]] = {
+FAULTS: dict[str, Callable[[FrameRobot, ControlLoop, Any], object]] = {
     "silent IMU": lambda body, *_: setattr(body, "imu_silent", True),
     "silent motor": lambda body, *_: setattr(body, "silent", [4]),
     "hot motor": lambda body, *_: setattr(body, "temperature_c", 95),
@@ -101,8 +92,7 @@ FAULTS: dict[str, Callable[[FrameRobot, ControlLoop, Ahead], object]] = {
 
 class TestOnFrames:
     def test_a_robot_gets_up_stands_and_walks_on_under_the_policy_that_walked(self, go1: Robot) -> None:
-        source = Ahead()
-        loop, body, walks, rises = fallen(go1, command_source=source)
+        loop, body, walks, rises = fallen(go1, command_source=(source := ahead()))
         until(loop, Mode.RECOVERING)
         assert loop.recovery.recovered == []
         body.quaternion = UPRIGHT
@@ -112,7 +102,7 @@ class TestOnFrames:
         assert not any(each.command.any() for each in rises.seen)
         (recovered,) = loop.recovery.recovered
         assert ("tilt" in recovered.fault, recovered.tries) == (True, 1)
-        assert source.seen[-1].notes
+        assert source.poll.call_args.args[0].notes
         loop.finish()
         to_the_end(loop)
         assert loop.walked_s < loop.now_us * 1e-6 - (recovered.stood_s - recovered.fell_s)
@@ -123,10 +113,7 @@ class TestOnFrames:
         assert (rises.resets, len(loop.state.faults)) == (2, 3)  # the fall, and each try
 
     def test_a_robot_that_lies_from_the_start_gets_up_too(self, go1: Robot) -> None:
-        walks, rises = two_policies(go1)
-        loop, body = loop_of(go1, walks, get_up=rises, safety=SAFETY)
-        body.quaternion = ON_ITS_SIDE
-        until(loop, Mode.RECOVERING)
+        loop, body, walks, rises = fallen(go1, walked=False)
         body.quaternion = UPRIGHT
         until(loop, Mode.WALKING)
         assert (rises.resets, walks.resets) == (1, 1)
@@ -137,7 +124,7 @@ class TestOnFrames:
     @pytest.mark.parametrize("fault", FAULTS)
     @pytest.mark.parametrize("mode", [Mode.RECOVERING, Mode.FALLING])
     def test_a_fault_while_getting_up_keeps_it_down(self, go1: Robot, fault: str, mode: Mode) -> None:
-        ends, source = Mode.FALLING if fault == "end" else Mode.ESTOP, Ahead()
+        ends, source = Mode.FALLING if fault == "end" else Mode.ESTOP, ahead()
         loop, body, *_ = fallen(go1, command_source=source)
         until(loop, mode)
         FAULTS[fault](body, loop, source)

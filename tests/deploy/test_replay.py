@@ -93,14 +93,13 @@ class TestReplay:
 
     def test_unfit_logs_and_failing_policies_are_refused(self, go1: Robot, tmp_path: Path) -> None:
         """The logs have no decisions, another robot, no joint names, or too few numbers."""
-
-        nameless: list[Any] = [[], "text", [1, 2], {}]
-        for decisions, steps, names, named in (
+        rows: list[tuple[list[np.ndarray], int, Any, str]] = [
             ([], 1, GO1, r"a\.mcap"),
             ([np.zeros(40)], 1, [f"joint{k}" for k in range(8)], "8 joints"),
             ([np.zeros(59)], 1, GO1, "59 .* 12 joints"),
-            *(([], 0, names, "joints") for names in nameless),
-        ):
+            *(([], 0, names, "joints") for names in ([], "text", [1, 2], {})),
+        ]
+        for decisions, steps, names, named in rows:
             path = write_steps(tmp_path / "a.mcap", decisions, steps, names)
             with pytest.raises(UserError, match=named):
                 replay(path, Counts(go1))
@@ -173,17 +172,15 @@ class TestRecover:
         assert not whole.exists()
 
 
-START_NS = 1_700_000_000_123_456_789
-
-
 def test_each_number_of_a_step_is_in_its_field(go1: Robot, tmp_path: Path) -> None:
     """The log replaces an older and longer file."""
-    path, policy = tmp_path / "run.mcap", Hold(go1)
+    path, start_ns = tmp_path / "run.mcap", 1_700_000_000_123_456_789
     path.write_bytes(b"an older and much longer file" * 10_000)
-    policy.observed = np.array([1.5, 2.5, 3.5], dtype=np.float32)  # type: ignore[attr-defined]
-    policy.action = np.array([-0.5, 0.25], dtype=np.float32)  # type: ignore[attr-defined]
+    policy: Any = Hold(go1)
+    policy.observed = np.array([1.5, 2.5, 3.5], dtype=np.float32)
+    policy.action = np.array([-0.5, 0.25], dtype=np.float32)
     log = McapLog(path, go1, policy, {"seed": 5, "policy": "by another name"}, may_wait=True)
-    log.begin(START_NS)
+    log.begin(start_ns)
     n = np.arange(12.0)
     command = JointCommand(n, n + 100, n + 200, n + 300, n + 400)
     upright = np.array([1.0, 0.1, 0.2, 0.3])
@@ -202,14 +199,14 @@ def test_each_number_of_a_step_is_in_its_field(go1: Robot, tmp_path: Path) -> No
     expected = {
         "/policy/inputs": inputs,
         "/policy/command": np.concatenate(command),
-        "/policy/observation": policy.observed,  # type: ignore[attr-defined]
-        "/policy/action": policy.action,  # type: ignore[attr-defined]
+        "/policy/observation": policy.observed,
+        "/policy/action": policy.action,
     }
     others = {"/cmd_vel", "/notes", "/orders", "/rosout", "/robot_description", "/tf_static"}
     assert set(found) == {*expected, *others}
     for topic, numbers in expected.items():
         time_ns, message = found[topic][0]
-        assert time_ns == found["/cmd_vel"][0][0] == START_NS + 1_500_000_000
+        assert time_ns == found["/cmd_vel"][0][0] == start_ns + 1_500_000_000
         assert list(message.data) == list(numbers)
         (dimension,) = message.layout.dim
         assert (dimension.label, dimension.size) == (topic.rpartition("/")[2], len(numbers))
@@ -217,12 +214,9 @@ def test_each_number_of_a_step_is_in_its_field(go1: Robot, tmp_path: Path) -> No
     assert (twist.header.stamp.sec, twist.header.stamp.nanosec) == (1_700_000_001, 623_456_789)
     assert (twist.twist.linear.x, twist.twist.linear.y, twist.twist.angular.z) == (0.1, 0.2, 0.3)
     time_ns, note = found["/notes"][0]
-    assert (time_ns, note.data) == (START_NS + 1_600_000_000, "a note")
+    assert (time_ns, note.data) == (start_ns + 1_600_000_000, "a note")
     stop = {"order": "stop", "by": "page 2", "why": "stopped by page 2"}
     assert json.loads(found["/orders"][0][1].data) == json.loads(found["/rosout"][-1][1].msg) == stop
-
-
-NOT_OF_ROS = {"can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"}
 
 
 @given(
@@ -245,7 +239,8 @@ def test_joint_states_are_the_bytes_of_mcaps_ros_2_library(time_ns: int, names: 
 def test_definitions_equal_those_of_ros_2() -> None:
     """A tool decodes the bytes by its own definition, independently of the file's."""
     own_types, ros_types = get_typestore(Stores.EMPTY), get_typestore(Stores.ROS2_JAZZY)
-    for kind in {topic.kind for topic in TOPICS.values()} - NOT_OF_ROS:
+    foreign = {"can_msgs/msg/Frame", "ros2_socketcan_msgs/msg/FdFrame"}
+    for kind in {topic.kind for topic in TOPICS.values()} - foreign:
         found = get_types_from_msg(definition(kind), kind)
         own_types.register(found)
         assert all(own_types.hash_rihs01(each) == ros_types.hash_rihs01(each) for each in found), kind

@@ -32,10 +32,7 @@ def driver() -> RobstrideDriver:
 
 class TestFrames:
     def test_a_command_is_encoded_as_in_the_manual(self, driver: RobstrideDriver) -> None:
-        """Zero torque is the middle, 32767.5, rounded to 0x8000.
-
-        30 N m of a range of 60 are 3/4 of 65535, 0xbfff.
-        """
+        """Zero torque is the middle, 32767.5, rounded to 0x8000; 30 N m of 60 are 3/4 of 65535, 0xbfff."""
         values = np.array([[-TURNS, TURNS], [33.0, 0.0], [0.0, 5000.0], [5.0, 25.0], [0.0, 30.0]])
         expected = [("01800007", "0000 ffff 0000 ffff"), ("01bfff07", "ffff 8000 ffff 4000")]
         assert hexed(driver.command(values)) == expected
@@ -47,18 +44,15 @@ class TestFrames:
         np.testing.assert_allclose(replies.values[:, 0], [TURNS, -33.0, 14.0])
         assert (replies.temperature_c.tolist(), replies.error.tolist()) == ([40], [0])
 
-    @pytest.mark.parametrize(
-        ("identifiers", "message"),
-        [
-            ([0x028107FD], "under-voltage"),
-            ([0x028407FD], "over-temperature"),
-            ([0x02A207FD], "over-current and that it is not calibrated"),
-            ([0x028007FD, 0x020107FD], "under-voltage and that it is disabled"),  # it was enabled before
-        ],
-    )
-    def test_faults_in_the_id(self, driver: RobstrideDriver, identifiers: list[int], message: str) -> None:
-        errors = [driver.replies(frame(each, "8000 8000 8000 0190")).error[0] for each in identifiers]
-        assert driver.error_name(int(errors[-1])) == message
+    def test_faults_in_the_id(self, driver: RobstrideDriver) -> None:
+        for identifier, message in (
+            (0x028107FD, "under-voltage"),
+            (0x028407FD, "over-temperature"),
+            (0x02A207FD, "over-current and that it is not calibrated"),
+            (0x020107FD, "under-voltage and that it is disabled"),  # it was enabled before
+        ):
+            (error,) = driver.replies(frame(identifier, "8000 8000 8000 0190")).error
+            assert driver.error_name(int(error)) == message
 
     def test_enable_disable_clear_and_zero_are_the_manuals_frames(self, driver: RobstrideDriver) -> None:
         """Byte 0 is 1 in a stop (type 4) that clears faults and in type 6."""
@@ -70,16 +64,16 @@ class TestFrames:
         ):
             assert hexed(getattr(driver, order)()) == [(identifier, f"{first} 0000 0000 0000")] * 2
 
-    @pytest.mark.parametrize("end", ["report", "clear", "warning"])
-    def test_a_fault_lasts_until_it_is_cleared(self, driver: RobstrideDriver, end: str) -> None:
-        word = "0000 0000 0100 0000" if end == "warning" else "0400 0000 0000 0000"
-        driver.replies(frame(0x150007FD, word))
-        reply = frame(0x028007FD, "8000 8000 8000 0190")
-        assert bool(driver.replies(reply).error[0]) is (end != "warning")
-        if end == "clear":
-            driver.clear()
-        elif end == "report":
-            driver.replies(frame(0x150007FD, "0000 0000 0000 0000"))
+    def test_a_fault_lasts_until_it_is_cleared_and_a_warning_is_no_fault(
+        self, driver: RobstrideDriver
+    ) -> None:
+        reply, cleared = frame(0x028007FD, "8000 8000 8000 0190"), frame(0x150007FD, "0000 0000 0000 0000")
+        for clear in (driver.clear, lambda: driver.replies(cleared)):
+            driver.replies(frame(0x150007FD, "0400 0000 0000 0000"))
+            assert driver.replies(reply).error[0]
+            clear()
+            assert driver.replies(reply).error.tolist() == [0]
+        driver.replies(frame(0x150007FD, "0000 0000 0100 0000"))
         assert driver.replies(reply).error.tolist() == [0]
 
     def test_replies_pass_the_filters(self, driver: RobstrideDriver) -> None:

@@ -24,8 +24,9 @@ L, R, U, E, F = Mode.LOWERING, Mode.RELEASING, Mode.RECOVERING, Mode.ESTOP, Mode
 LATE = {"motors.silence_s": 0.062, "time.pause_s": 0.06}
 
 
-def with_changes(signals: Signals, changes: dict[str, Any]) -> Signals:
-    """Signals with some replaced, by 'field' or 'group.field'."""
+def changed(changes: dict[str, Any]) -> Signals:
+    """Faultless signals with some replaced, by 'field' or 'group.field'."""
+    signals = FAULTLESS
     for path, value in changes.items():
         group, _, name = path.rpartition(".")
         change = {group: getattr(signals, group)._replace(**{name: value})} if group else {name: value}
@@ -33,14 +34,14 @@ def with_changes(signals: Signals, changes: dict[str, Any]) -> Signals:
     return signals
 
 
-def after(mode: Mode, changes: dict[str, Any] | None = None, since_s: float = 4.0, **more: Any) -> State:
-    """The state a tick after a mode, with faultless signals except these."""
-    return following(State(mode, since_s), (changes or {}) | more)
-
-
 def following(state: State, changes: dict[str, Any]) -> State:
-    """The state a tick after a state with these signals."""
-    return advance(state, with_changes(FAULTLESS, changes), CONFIG)
+    """The state a tick after a state, with faultless signals except these."""
+    return advance(state, changed(changes), CONFIG)
+
+
+def after(mode: Mode, changes: dict[str, Any], since_s: float = 4.0) -> State:
+    """The state a tick after a mode, with faultless signals except these."""
+    return following(State(mode, since_s), changes)
 
 
 # For each signal the next mode of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING,
@@ -74,42 +75,36 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"recovery.tried_s": 6.0, "start.not_ready": "motor x is off"}, "not standing 6 s after", "------F"),
     ({"policy.command_finite": False}, "is not finite", "E-LLL-E"),
 ]
-COLUMNS = (N, C, S, W, P, L, U)
 ENDS = {"E": E, "F": F, "L": L}
-ROWS_AND_MODES = [
-    (changes, fault, mode, ENDS.get(initial, mode), initial != "-")
-    for changes, fault, row in TABLE
-    for mode, initial in zip(COLUMNS, row, strict=True)
-]
 STARTED = {"now_s": 0.5}  # before `start_timeout_s`
 
 
+def columns(row: str) -> list[tuple[Mode, str]]:
+    """The modes of a row of the table, with their initials."""
+    return list(zip((N, C, S, W, P, L, U), row, strict=True))
+
+
 class TestTable:
-    @pytest.mark.parametrize(("changes", "fault", "mode", "leads_to", "latched"), ROWS_AND_MODES)
-    def test_a_signal_leads_to_the_mode_in_the_table(
-        self, changes: dict[str, Any], fault: str, mode: Mode, leads_to: Mode, latched: bool
-    ) -> None:
+    @pytest.mark.parametrize(("changes", "fault", "row"), TABLE)
+    def test_each_signal_leads_to_its_mode(self, changes: dict[str, Any], fault: str, row: str) -> None:
         """A robot that can lie down does so after a fault of its policy; one that cannot is damped."""
-        changes = changes | (STARTED if mode is N else {})
-        assert after(mode, changes).mode is (E if leads_to is L and mode is not L else leads_to)
-        state = after(mode, changes, **{"end.may_lie": True})
-        assert state.mode is leads_to
-        assert len(state.faults) == latched
-        assert all(fault in each and "\n" not in each for each in state.faults)
+        for mode, initial in columns(row):
+            signals, leads_to = changes | (STARTED if mode is N else {}), ENDS.get(initial, mode)
+            assert after(mode, signals).mode is (E if leads_to is L and mode is not L else leads_to), mode
+            state = after(mode, signals | {"end.may_lie": True})
+            assert (state.mode, len(state.faults)) == (leads_to, initial != "-"), mode
+            assert all(fault in each and "\n" not in each for each in state.faults)
+        for mode in DAMPED:  # to the end
+            assert after(mode, changes, since_s=4.9) == State(mode, 4.9)
 
     def test_the_table_has_a_row_for_every_rule_except_the_time_to_start(self) -> None:
         """In every mode in which a rule counts, its row leads to a fault."""
         for check in CHECKS[1:]:
-            rows = [row for row in TABLE if check.find(with_changes(FAULTLESS, row[0]), CONFIG)]
+            rows = [row for changes, _, row in TABLE if check.find(changed(changes), CONFIG)]
             assert rows, check.quantity
-            for _, _, row in rows:
-                faulty = {mode for mode, initial in zip(COLUMNS, row, strict=True) if initial != "-"}
+            for row in rows:
+                faulty = {mode for mode, initial in columns(row) if initial != "-"}
                 assert faulty >= set(check.modes), check.quantity
-
-    @pytest.mark.parametrize("mode", DAMPED)
-    @pytest.mark.parametrize("row", TABLE)
-    def test_a_damped_robot_is_damped_to_the_end(self, mode: Mode, row: Any) -> None:
-        assert after(mode, row[0], since_s=4.9) == State(mode, 4.9)
 
     def test_a_fault_of_the_policy_changes_nothing_while_lying_down(self) -> None:
         changes = {"policy.error": "x", "end.may_lie": True}
@@ -124,32 +119,27 @@ class TestTable:
         assert state == following(state, stopped) == State(L, 4.0, ("stopped by x",))
         assert following(state, stopped | {"posture_done": True}) == State(E, 5.0, ("stopped by x",))
 
-    @pytest.mark.parametrize("mode", [F, E])
-    def test_a_fault_is_latched(self, mode: Mode) -> None:
-        state, final = State(mode, 4.9, ("why",)), State(mode, 6.0, ("why",), over=True)
-        assert following(state, {}) == state
-        assert following(state, {"now_s": 6.0}) == following(final, {"now_s": 99.0}) == final
-
-    def test_a_fault_precedes_a_request_to_end_and_follows_older_faults(self) -> None:
+    def test_a_fault_is_latched_precedes_a_request_to_end_and_follows_older_faults(self) -> None:
+        for mode in (F, E):
+            state, final = State(mode, 4.9, ("why",)), State(mode, 6.0, ("why",), over=True)
+            assert following(state, {}) == state
+            assert following(state, {"now_s": 6.0}) == following(final, {"now_s": 99.0}) == final
         state = following(State(W, 4.0, ("earlier",)), {"imu.tilt_rad": 2.0, "end.finish": True})
         assert (state.mode, state.since_s, state.faults[0], len(state.faults)) == (F, 5.0, "earlier", 2)
 
 
 class TestStart:
-    @pytest.mark.parametrize(
-        ("changes", "fault"),
-        [
+    def test_a_silent_part_is_named_after_the_start_timeout(self) -> None:
+        rows: list[tuple[dict[str, Any], str]] = [
             ({"motors.silence_s": 1e9}, "no answer from FR_hip_joint (can0, id 1) within 1 s"),
             ({"imu.silence_s": 1e9}, "no answer from the IMU (gyro) within 1 s"),
             ({"motors.silence_s": 1e8, "imu.silence_s": 1e9}, "no answer from FR_hip_joint"),
             ({"start.not_ready": "motor x is off"}, "motor x is off"),
-        ],
-    )
-    def test_a_silent_part_is_named_after_the_start_timeout(self, changes: Any, fault: str) -> None:
-        assert after(N, changes, now_s=0.999 * CONFIG.start_timeout_s).mode is N
-        state = after(N, changes, now_s=CONFIG.start_timeout_s)
-        assert state.mode is E
-        assert fault in state.faults[0]
+        ]
+        for changes, fault in rows:
+            assert after(N, changes | {"now_s": 0.999 * CONFIG.start_timeout_s}).mode is N
+            state = after(N, changes | {"now_s": CONFIG.start_timeout_s})
+            assert (state.mode, fault in state.faults[0]) == (E, True)
 
     def test_a_robot_that_is_ready_stands_up_unless_a_bus_has_a_fault(self) -> None:
         """The fault of a bus precedes silent motors, or its reason would be missing."""
@@ -183,19 +173,16 @@ WISHES: list[tuple[Mode, dict[str, Any], Mode]] = [
 
 
 class TestProgress:
-    @pytest.mark.parametrize(("mode", "changes", "following"), WISHES)
-    def test_each_mode_leads_to_the_next(self, mode: Mode, changes: dict[str, Any], following: Mode) -> None:
-        state = after(mode, {"end.may_lie": True} | changes)
-        since_s = 4.0 if following is mode else changes.get("now_s", 5.0)
-        assert state == State(following, since_s)
+    @pytest.mark.parametrize(("mode", "changes", "leads_to"), WISHES)
+    def test_each_mode_leads_to_the_next(self, mode: Mode, changes: dict[str, Any], leads_to: Mode) -> None:
+        since_s = 4.0 if leads_to is mode else changes.get("now_s", 5.0)
+        assert after(mode, {"end.may_lie": True} | changes) == State(leads_to, since_s)
 
-    def test_a_robot_that_lies_down_after_a_fault_keeps_it(self) -> None:
+    def test_lying_down_after_a_fault_keeps_it_and_release_ends_idle_after_damping(self) -> None:
         state = following(State(L, 4.0, ("why",)), {"end.skip_lie_down": True})
         assert state == State(E, 5.0, ("why",))
-
-    def test_release_ends_idle_after_damping(self) -> None:
-        assert not after(R, since_s=5.0 - 0.5 * CONFIG.damping_s).over
-        assert after(R, since_s=5.0 - CONFIG.damping_s) == State(N, 5.0, over=True)
+        assert not after(R, {}, since_s=5.0 - 0.5 * CONFIG.damping_s).over
+        assert after(R, {}, since_s=5.0 - CONFIG.damping_s) == State(N, 5.0, over=True)
 
 
 LIES = {"recovery.allowed": True, "recovery.ready": True, "imu.tilt_rad": 2.0}  # still, with consent
@@ -231,7 +218,7 @@ class TestGettingUp:
         assert following(up, {"end.finish": True}) == up._replace(mode=F, since_s=5.0)
 
 
-def test_a_limit_itself_passes() -> None:
+def test_a_limit_itself_passes_and_the_guard_waits_for_the_longer_limit() -> None:
     for name, limit in (
         ("motors.silence_s", CONFIG.silence_timeout_s),
         ("imu.silence_s", CONFIG.silence_timeout_s),
@@ -244,8 +231,6 @@ def test_a_limit_itself_passes() -> None:
         if "silence" in name:
             assert [after(N, STARTED | {name: share * limit}).mode for share in (1.0, 1.001)] == [S, N]
 
-
-def test_the_guard_waits_for_the_longer_limit() -> None:
     for late_s, pause_s in ((0.03, 0.05), (0.05, 0.03)):
         config = SafetyConfig(late_limit_s=late_s, pause_limit_s=pause_s, guard_share=1.2)
         assert config.guard_after_s == 0.06
@@ -262,8 +247,6 @@ class TestDocumentation:
         limit = "`speed_share` 1.5 × `no_load_speed_rad_s`"
         velocity = (limit, "`safety.sensors`, `motors` in robot.yaml", "ESTOP")
         assert all_rules["a joint's velocity"][1:] == velocity
-
-    def test_every_limit_is_a_field_of_the_settings(self) -> None:
         settings = {name.partition(".")[0] for check in CHECKS for name in check.limits}
         assert settings <= {field.name for field in fields(SafetyConfig)}
 

@@ -1,10 +1,9 @@
 """All sensor checks together: limit of each row, times of comparison, adding a check."""
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-import pytest
 from changed_robots import with_each_motor
 from sensor_readings import SAMPLE_US, STILL
 
@@ -17,9 +16,10 @@ from footfall.deploy.signals import Implausible
 from footfall.deploy.wiring import wiring_of
 from footfall.robots.description import Robot
 
+VELOCITY, TORQUE, TEMPERATURE, VOLTAGE = range(1, 5)  # rows of readings, after positions
 CALF = 2  # FR_calf_joint (can0, id 3): 35.55 N m, 20.06 rad/s
 WIDE_LIMITS = SensorLimits(drift_rad=6.0, wander_rad=6.0, creep_rad=6.0, stuck_rad=6.0, unexplained=10.0)
-ZEROS = np.zeros(12)
+ZEROS, NAN = np.zeros(12), np.full((2, 12), math.nan)
 NOTHING_SENT = np.zeros((5, 12)), np.zeros((5, 12)), (ZEROS, ZEROS)
 
 
@@ -32,27 +32,20 @@ def monitor_of(robot: Robot, **checks: object) -> SensorMonitor:
 
 
 def window(
-    monitor: SensorMonitor,
-    joints: np.ndarray,
-    number: int = 0,
-    temperature_c: np.ndarray | float = math.nan,
-    voltage: np.ndarray | float = math.nan,
+    monitor: SensorMonitor, joints: np.ndarray, number: int = 0, health: Any = NAN
 ) -> Implausible | None:
-    """Finding on the joints in one window of constant readings."""
+    """Finding on the joints in one window of constant readings; `health`: temperatures and voltages."""
     for now_us in SAMPLE_US * np.arange(10 * number + 1, 10 * number + 11):
         full = monitor.add(int(now_us), 0, np.full(12, now_us), STILL, joints, *NOTHING_SENT)
     assert full
-    return monitor.joint_contradiction(ZEROS, joints[0], ZEROS + temperature_c, ZEROS + voltage)
+    return monitor.joint_contradiction(ZEROS, joints[0], *health)
 
 
-def found(robot: Robot, row: str = "", value: float = 0.0) -> str:
+def found(robot: Robot, row: int = VELOCITY, value: float = 0.0) -> str:
     """Findings for a robot that stands still, with one changed value of one motor."""
-    usual = {"velocity": 0.0, "torque": 0.0, "temperature_c": math.nan, "voltage": math.nan}
-    readings = {name: np.full(12, number) for name, number in usual.items()}
-    if row:
-        readings[row][CALF] = value
-    joints = np.array([robot.default_pose, readings.pop("velocity"), readings.pop("torque")])
-    implausible = window(monitor_of(robot), joints, **readings)  # type: ignore[arg-type]
+    readings = np.array([robot.default_pose, ZEROS, ZEROS, *NAN])
+    readings[row, CALF] = value
+    implausible = window(monitor_of(robot), readings[:3], health=readings[3:])
     assert implausible is None or implausible.leads_to is Mode.ESTOP
     return "" if implausible is None else implausible.fault
 
@@ -60,25 +53,24 @@ def found(robot: Robot, row: str = "", value: float = 0.0) -> str:
 class TestFigures:
     def test_a_motors_limits_bound_its_readings(self, go1: Robot) -> None:
         for row, allowed, beyond, message in (
-            ("velocity", -1.49 * 20.06, -1.51 * 20.06, "30.3 rad/s"),
-            ("torque", 1.19 * 35.55, 1.21 * 35.55, "43.0 N m"),
-            ("torque", -1.19 * 35.55, -1.21 * 35.55, "43.0 N m"),
-            ("temperature_c", 85.0, 86.0, "86 degrees Celsius"),
+            (VELOCITY, -1.49 * 20.06, -1.51 * 20.06, "30.3 rad/s"),
+            (TORQUE, 1.19 * 35.55, 1.21 * 35.55, "43.0 N m"),
+            (TORQUE, -1.19 * 35.55, -1.21 * 35.55, "43.0 N m"),
+            (TEMPERATURE, 85.0, 86.0, "86 degrees Celsius"),
         ):
             assert found(go1, row, allowed) == ""
             fault = found(go1, row, beyond)
             assert fault.startswith("FR_calf_joint (can0, id 3)")
             assert message in fault
+        assert found(go1, TORQUE, math.nan).startswith("FR_calf_joint")
 
-    @pytest.mark.parametrize(("voltage", "off"), [(9.5, "0.5 V"), (10.0, ""), (14.8, ""), (16.8, "2.0 V")])
-    def test_a_supply_has_to_be_in_the_motors_range(self, go1: Robot, voltage: float, off: str) -> None:
-        fault = found(with_each_motor(go1, voltage_v=(10.0, 14.8)), "voltage", voltage)
-        assert off in fault if off else fault == ""
-        assert found(go1, "voltage", voltage) == ""  # without a range
-
-    def test_nan_is_a_fault_if_the_motor_reports_the_quantity(self, go1: Robot) -> None:
-        assert found(with_each_motor(go1, voltage_v=(10.0, 14.8))) == ""  # without voltage and temperature
-        assert found(go1, "torque", math.nan).startswith("FR_calf_joint")
+    def test_a_supply_has_to_be_in_the_motors_range(self, go1: Robot) -> None:
+        ranged = with_each_motor(go1, voltage_v=(10.0, 14.8))
+        assert found(ranged) == ""  # its voltage and temperature are NaN: not reported
+        for voltage, off in ((9.5, "0.5 V"), (10.0, ""), (14.8, ""), (16.8, "2.0 V")):
+            fault = found(ranged, VOLTAGE, voltage)
+            assert off in fault if off else fault == ""
+            assert found(go1, VOLTAGE, voltage) == ""  # without a range
 
 
 class Twitch(JointCheck):
@@ -107,11 +99,9 @@ def test_a_made_up_check_is_judged_and_reset(go1: Robot) -> None:
     assert window(monitor, moving, number=2) is None
 
 
-@pytest.mark.parametrize(
-    ("period_s", "silence_us", "compared"),
-    [(0.04, 20_000, True), (0.04, 20_001, False), (0.004, 6000, True), (0.004, 6001, False)],
-)
-def test_a_gap_of_half_or_1_5_periods(period_s: float, silence_us: int, compared: bool) -> None:
-    windows = JointWindows(12, period_s, 0.002)
-    windows.add(SAMPLE_US, silence_us, np.full(12, SAMPLE_US), STILL, np.zeros((3, 12)), *NOTHING_SENT)
-    assert (windows.close(ZEROS, ZEROS, ZEROS, ZEROS) is not None) is compared
+def test_a_gap_of_half_or_1_5_periods() -> None:
+    for period_s, longest_us in ((0.04, 20_000), (0.004, 6000)):
+        for silence_us, compared in ((longest_us, True), (longest_us + 1, False)):
+            windows, times_us = JointWindows(12, period_s, 0.002), np.full(12, SAMPLE_US)
+            windows.add(SAMPLE_US, silence_us, times_us, STILL, np.zeros((3, 12)), *NOTHING_SENT)
+            assert (windows.close(ZEROS, ZEROS, ZEROS, ZEROS) is not None) is compared
