@@ -1,18 +1,24 @@
-"""Attitude from gyro and accelerometer alone; the gyro's bias, found by how the IMU's orientation turns."""
+"""Attitude by gyro and accelerometer, the gyro's bias by the IMU's orientation, and attitude by legs."""
+
+import math
 
 import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from moments import UP
+from moments import UP, under_load
 from scipy.spatial.transform import Rotation
 
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.deploy.estimation.attitude import Attitude, AttitudeEstimator, advanced, attitude_at_rest
 from footfall.deploy.estimation.config import AttitudeConfig, GyroConfig
 from footfall.deploy.estimation.gyro import GyroBias
+from footfall.deploy.leg_attitude import LegAttitude
+from footfall.deploy.sensor_checks.table import SensorLimits
+from footfall.robots.description import Robot
 
 DT_S, CONFIG = 0.002, AttitudeConfig()
+LIMITS, WINDOW_S = SensorLimits(), 0.04
 BIAS = np.array([0.03, -0.02, 0.01])
 angles = st.floats(-1.5, 1.5)
 
@@ -73,7 +79,6 @@ def test_the_filter_starts_after_the_robot_has_kept_still() -> None:
         assert estimator.update(gyro, leaning, DT_S) is None
     started = [estimator.update([0.0, 0.0, 0.01], [0.0, 0.0, GRAVITY_M_S2], DT_S) for _ in range(260)]
     assert started.index(next(filter(None, started))) == pytest.approx(CONFIG.rest_s / DT_S, abs=1)
-    assert started[-1] is not None
     assert tilt_error(started[-1], Rotation.identity()) < 1e-6
     assert started[-1].bias == pytest.approx((0.0, 0.0, 0.01))
 
@@ -120,3 +125,36 @@ def test_a_quaternion_and_its_negative_are_one_orientation(seed: int) -> None:
         expected = same.update(gyro, quaternion.tolist(), DT_S)
         found = alternating.update(gyro, ((-1) ** step * quaternion).tolist(), DT_S)
         assert found == pytest.approx(expected, abs=1e-9)
+
+
+def update_by_legs(attitude: LegAttitude, robot: Robot, pitch: float, *loads: float) -> None:
+    """Readings at rest of a base that is pitched back; loads are the feet's shares of an even load."""
+    up = np.array([math.sin(pitch), 0.0, math.cos(pitch)])
+    even_n = 9.81 * robot.legs.mass / robot.legs.count
+    sensed = under_load(robot, even_n * np.outer(loads or np.ones(4), up), 9.81 * up)
+    attitude.update(sensed.joint_position, sensed.joint_torque, up, WINDOW_S)
+
+
+def settled_on_legs(robot: Robot, pitch: float) -> LegAttitude:
+    attitude = LegAttitude(robot, LIMITS)
+    for _ in range(2 + round(LIMITS.resting_s / WINDOW_S)):
+        update_by_legs(attitude, robot, pitch)
+    return attitude
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.2, -0.5])
+def test_both_attitudes_differ_by_the_angle_of_a_slope_or_by_a_turn(go1: Robot, angle: float) -> None:
+    """A base that turns without its legs is a contradiction."""
+    attitude = settled_on_legs(go1, angle)
+    assert attitude.slope == pytest.approx(abs(angle), abs=1e-3)
+    assert attitude.turn == pytest.approx(0.0, abs=1e-9)
+    update_by_legs(attitude, go1, angle + 0.1)
+    assert attitude.turn == pytest.approx(0.1, rel=1e-3)
+
+
+def test_three_other_feet_start_a_new_comparison(go1: Robot) -> None:
+    attitude = settled_on_legs(go1, 0.0)
+    update_by_legs(attitude, go1, 0.1, 1.0, 1.0, 1.0, 0.0)
+    assert attitude.turn == 0.0
+    update_by_legs(attitude, go1, 0.3, 1.0, 1.0, 1.0, 0.0)
+    assert attitude.turn == pytest.approx(0.2, rel=1e-2)

@@ -68,9 +68,8 @@ def check(
         assert all(word in sentence for word in words.split()), sentence
 
 
-@pytest.mark.parametrize(
-    ("criterion", "changes", "expected"),
-    [
+def test_a_criterion_names_the_joint_and_the_figure(go1: Robot) -> None:
+    rows: tuple[tuple[Criterion, dict[str, np.ndarray], list[str]], ...] = (
         (criteria.follow, moved(only(2, TRAVEL)), []),
         (criteria.follow, moved(only(2, -TRAVEL)), ["joint 2 sign"]),
         (criteria.follow, moved(only(2, 0.1 * TRAVEL)), ["joint 2 10% power"]),
@@ -100,32 +99,26 @@ def check(
         # For a moment, forwards and to the side at once.
         (criteria.upright, tilted(0.6 * np.sin(0.3), -0.8 * np.sin(0.3), SAMPLE == 50), []),
         (criteria.upright, tilted(0.6 * np.sin(0.4), -0.8 * np.sin(0.4), SAMPLE == 50), ["0.41 rad"]),
-    ],
-)
-def test_a_criterion_names_the_joint_and_the_figure(
-    go1: Robot, criterion: Criterion, changes: dict[str, np.ndarray], expected: list[str]
-) -> None:
-    check(go1, criterion, expected, **changes)
+    )
+    for criterion, changes, expected in rows:
+        check(go1, criterion, expected, **changes)
 
 
-@pytest.mark.parametrize(
-    ("share", "expected"),
-    [
+def test_torques_that_do_not_match_the_weight(go1: Robot) -> None:
+    """Legs carry equal shares of 12.743 kg, by -J^T f, also if feet push against each other."""
+    legs, pose = go1.legs, go1.default_pose
+    aside = np.array([[60.0, 0.0], [-60.0, 0.0], [0.0, 60.0], [0.0, -60.0]])
+    for share, expected in (
         ([1.0, 1.0, 1.0, 1.0], []),
         ([0.5, 0.5, 0.5, 0.5], ["50%"]),
         ([2.0, 2.0, 2.0, 2.0], ["200%"]),
         ([1.3, 1.3, 1.3, 0.1], ["leg RL 3 N of 125:"]),
-    ],
-)
-def test_torques_that_do_not_match_the_weight(go1: Robot, share: list[float], expected: list[str]) -> None:
-    """Legs carry equal shares of 12.743 kg, by -J^T f, also if feet push against each other."""
-    legs, pose = go1.legs, go1.default_pose
-    aside = np.array([[60.0, 0.0, 0.0], [-60.0, 0.0, 0.0], [0.0, 60.0, 0.0], [0.0, -60.0, 0.0]])
-    for force in (np.zeros((4, 3)), aside):
-        force[:, 2] = 12.743 * 9.81 / 4 * np.array(share)
-        torque = legs.scatter(legs.torque(legs.pose(pose).jacobian, force), np.zeros(12))
-        rows = {"position": np.tile(pose, (101, 1)), "torque": np.tile(torque, (101, 1))}
-        check(go1, criteria.carry, expected, **rows)
+    ):
+        for sideways in (0.0 * aside, aside):
+            force = np.column_stack([sideways, 12.743 * 9.81 / 4 * np.array(share)])
+            torque = legs.scatter(legs.torque(legs.pose(pose).jacobian, force), np.zeros(12))
+            rows = {"position": np.tile(pose, (101, 1)), "torque": np.tile(torque, (101, 1))}
+            check(go1, criteria.carry, expected, **rows)
 
 
 @pytest.mark.parametrize("by_rad", [0.08, -0.08])
@@ -221,23 +214,19 @@ def test_a_sound_robot_passes(go1: Robot, step: str) -> None:
     assert (verdict.findings, verdict.outcome.final_state) == ((), "IDLE")
 
 
-@pytest.mark.parametrize(
-    ("steps", "inject", "message"),
-    [
+def test_the_first_step_to_notice(go1: Robot) -> None:
+    for steps, inject, message in (
         (["hold"], FAULTS["motor's torque reversed"], "pulls the other way"),
         (["hold"], FAULTS["ids of two motors swapped"], "outside its range"),
         (["hold"], lambda injector: injector.body.weaken(1.0 * (injector.joint != JOINTS)), "no torque"),
         (["hold"], FAULTS["motor at 90 degrees Celsius"], "90 degrees Celsius"),
         (["hold", "joints"], wrong_ratio, "ratio"),
         (["hold", "stand"], FAULTS["one encoder off by a turn of the rotor"], ""),
-    ],
-    ids=["sign", "swapped", "no power", "hot", "ratio", "zero"],
-)
-def test_the_first_step_to_notice(go1: Robot, steps: list[str], inject: Injection, message: str) -> None:
-    for earlier in steps[:-1]:
-        assert verdict_of(go1, earlier, inject).passed
-    verdict = verdict_of(go1, steps[-1], inject)
-    assert not verdict.passed
-    assert message in " ".join(verdict.findings)
-    if steps[-1] == "joints":
-        assert verdict.outcome.walked_s < 1.5 * CONFIG.move_s  # no other joint had to move
+    ):
+        for earlier in steps[:-1]:
+            assert verdict_of(go1, earlier, inject).passed, message
+        verdict = verdict_of(go1, steps[-1], inject)
+        assert not verdict.passed, message
+        assert message in " ".join(verdict.findings)
+        if steps[-1] == "joints":
+            assert verdict.outcome.walked_s < 1.5 * CONFIG.move_s  # no other joint had to move

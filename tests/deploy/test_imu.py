@@ -116,9 +116,8 @@ class TestDocumented:
         body = OF_MOVELLA[4:-1] + bytes.fromhex("2010103F7F7DC4BC10107D3BA15770BD7EC656")
         message = bytes((0xFA, 0xFF, 0x36, len(body))) + body
         sample = XbusImu.decode(message + bytes((-sum(message[1:]) % 256,)))
-        assert sample is not None
-        assert sample.counter == 57285
-        reading = sample.reading
+        counter, reading = sample
+        assert counter == 57285
         assert reading.acceleration == pytest.approx((-0.43087, 0.83055, 9.79576), abs=1e-5)
         assert reading.gyro == pytest.approx((-0.0051990, 0.0042826, -0.0039428), abs=1e-7)
         quaternion = (0.99801278, -0.00879299, 0.00492375, -0.06220087)
@@ -136,7 +135,6 @@ class TestDocumented:
         own += np.array([0.0, 0.3, 0.0, 9.81 * np.sin(0.2), 0.0, -9.81 * np.cos(0.2)], "<f4").tobytes()
         head = vectornav.HEADER + (5_000_000).to_bytes(8, "little") + own
         sample = VectorNavImu.decode(head + vectornav.checksum(head[1:]).to_bytes(2, "big"))
-        assert sample is not None
         assert sample.counter == 5
         reading = sample.reading
         assert reading.gyro == pytest.approx((0.0, -0.3, 0.0), abs=1e-6)

@@ -23,7 +23,7 @@ from footfall.deploy import log as log_module
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.estimation.odometry import Odometry
 from footfall.deploy.log import McapLog
-from footfall.deploy.log_file import LogFile, read_log
+from footfall.deploy.log_file import read_log
 from footfall.deploy.log_store import LogStore
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.receiver import MotorHealth
@@ -43,11 +43,6 @@ def logged(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, 
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     episode = short_episode(duration_s=0.5, seed=7, log=path, policy_spec="runs/mine")
     return path, run_episode(go1, Sway(go1), episode)
-
-
-@pytest.fixture(scope="module")
-def whole(logged: tuple[Path, Trace]) -> LogFile:
-    return read_log(logged[0])
 
 
 def log_of(robot: Robot, folder: Path, may_wait: bool = True) -> tuple[Path, McapLog]:
@@ -137,15 +132,16 @@ class TestContent:
         np.testing.assert_array_equal(health[0], np.outer([40.0, np.nan, 0.0], np.ones(12)))
         np.testing.assert_array_equal(health[6_000_000], [hot.temperature_c, hot.voltage, faulty.error])
 
-    def test_metadata_names_policy_robot_seed_and_bus(self, go1: Robot, whole: LogFile) -> None:
+    def test_metadata_name_policy_robot_seed_and_bus(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
+        """Logging does not change the run."""
+        path, trace = logged
+        log = read_log(path)
         expected = {"policy": "sway", "policy_spec": "runs/mine", "robot_digest": go1.digest, "seed": 7}
         expected |= {"bus": "sim", "engine": "mujoco", "plant": None, "joints": list(go1.joint_names)}
-        assert whole.complete
-        assert {name: whole.metadata[name] for name in expected} == expected
-
-    def test_logging_does_not_change_the_run(self, go1: Robot, logged: tuple[Path, Trace]) -> None:
+        assert log.complete
+        assert {name: log.metadata[name] for name in expected} == expected
         again = run_episode(go1, Sway(go1), short_episode(duration_s=0.5, seed=7))
-        assert np.array_equal(again.qpos, logged[1].qpos)
+        assert np.array_equal(again.qpos, trace.qpos)
 
 
 KILLED = """
@@ -235,7 +231,7 @@ def test_a_hung_writer_is_abandoned(go1: Robot, tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5], ids=["the first, which has all definitions", "another"])
-def test_a_damaged_chunk(logged: tuple[Path, Trace], whole: LogFile, tmp_path: Path, share: float) -> None:
+def test_a_damaged_chunk(logged: tuple[Path, Trace], tmp_path: Path, share: float) -> None:
     """The file's end repeats the definitions of its messages."""
     content = bytearray(logged[0].read_bytes())
     zstd = b"\x28\xb5\x2f\xfd"  # at the head of each chunk's content
@@ -244,7 +240,7 @@ def test_a_damaged_chunk(logged: tuple[Path, Trace], whole: LogFile, tmp_path: P
     hurt.write_bytes(content)
     log = read_log(hurt)
     assert log.damaged == 1
-    assert len(whole.entries) * 0.5 < len(log.entries) < len(whole.entries)
+    assert 0.5 < len(log.entries) / len(read_log(logged[0]).entries) < 1.0
     assert recover(hurt, copy) == (len(log.entries), 1)
     recovered = read_log(copy)
     assert recovered.damaged == 0

@@ -1,23 +1,36 @@
-"""A bridge steers over a Unix socket, by velocities, or by a path that is walked by odometry."""
+"""The bridge, a process with another Python: it receives the feed and steers over a Unix socket.
+
+It steers by velocities, or by a path that is walked by odometry.
+"""
 
 import cmath
 import math
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from import_in_process import ROOT
 from walking_run import WALKING, abilities, eventually
 
+from footfall.common.errors import UserError
 from footfall.deploy.command_source import UNKNOWN_POSE, Behaviour, Pose
+from footfall.deploy.telemetry import messages
+from footfall.deploy.telemetry.feed import Feed, listen
 from footfall.operate.inbox import Inbox, InboxConfig
+from footfall.operate.ros2.bridge_process import Backend, Ros2Config, bridge, find_backend, network_note
+from footfall.operate.ros2.height_scans import scans_by_ros2
 from footfall.operate.ros2.link import Link
 from footfall.operate.ros2.path_source import PathSource
 from footfall.operate.ros2.steering_socket import SteeringSocket
 
 STEP_S = 0.02
+FAKE = Backend(sys.executable, "fake_bridge", "no ROS")
 AT_START = WALKING._replace(pose=Pose(0.0, 0.0, 0.0))
 
 
@@ -39,6 +52,11 @@ def path(inbox: Inbox, paths: PathSource, tmp_path: Path) -> Iterator[Path]:
     server = SteeringSocket(tmp_path / "steer", inbox, paths, "ros2")
     yield tmp_path / "steer"
     server.close()
+
+
+@pytest.fixture(autouse=True)
+def finds_fake_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2] / "support"))
 
 
 def test_requests_reach_the_inbox_and_refusals_are_returned(inbox: Inbox, path: Path) -> None:
@@ -151,3 +169,59 @@ def test_without_odometry_the_walk_gives_up(paths: PathSource) -> None:
     paths.follow([[1.0, 0.0]])
     assert paths.poll(WALKING._replace(pose=UNKNOWN_POSE)).velocity.tolist() == [0.0, 0.0, 0.0]
     assert "odometry" in paths.state.outcome
+
+
+def test_the_bridge_steers_and_reads_the_feed_until_the_run_ends(
+    inbox: Inbox, path: Path, tmp_path: Path
+) -> None:
+    feed_path = tmp_path / "feed"
+    with bridge(FAKE, feed_path, path, Ros2Config()):
+        assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.25)
+        feed = Feed(listen(feed_path), {})  # a run makes it when it begins
+
+        def result() -> bool:
+            feed.put("/state", 0, messages.text("WALKING"))
+            feed.serve()
+            return inbox.poll(WALKING).note == "/state"
+
+        assert eventually(result)
+    assert eventually(lambda: inbox.owner == ""), "it ended with the run"
+
+
+def test_a_bridge_that_fails_or_never_gets_ready_is_reported_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing, hanging = (Ros2Config(arguments=(how,)) for how in ("fail", "hang"))
+    with pytest.raises(UserError, match=r": the last line says why$"), bridge(FAKE, tmp_path, None, failing):
+        pass
+    monkeypatch.setattr("footfall.operate.ros2.bridge_process.START_S", 0.1)
+    with pytest.raises(UserError), bridge(FAKE, tmp_path, None, hanging):
+        pass
+
+
+def test_height_scans_have_their_own_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
+    of_scans = Backend(sys.executable, "fake_scan_bridge", "no ROS")
+    monkeypatch.setattr("footfall.operate.ros2.height_scans.find_backend", lambda config: of_scans)
+    with scans_by_ros2() as (scans, warning):
+        found = eventually(lambda: scans.newest(0))
+    np.testing.assert_array_equal(found.heights, [-0.3, np.nan, 0.25])
+    assert warning == ""
+
+
+def test_a_python_without_ros_is_refused() -> None:
+    with pytest.raises(UserError, match="rclpy"):
+        find_backend(Ros2Config(python="/bin/false"))
+
+
+def test_the_network_is_opened_on_request_only_and_with_a_warning() -> None:
+    variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+    assert network_note(environment={}) == network_note(environment={variable: "localhost"}) == ""
+    assert "control" in network_note(environment={variable: "SUBNET"})
+
+
+def test_modules_run_by_ros_python_need_no_packages_of_footfall() -> None:
+    """`-S` leaves out all installed packages."""
+    modules = ("table", "link", "arguments", "reading", "throttle", "scan_sender")
+    names = ", ".join(f"footfall.operate.ros2.{each}" for each in modules)
+    command = [sys.executable, "-S", "-c", f"import {names}"]
+    subprocess.run(command, check=True, env={"PYTHONPATH": str(ROOT / "src")})
