@@ -1,9 +1,7 @@
 // Runs an exported policy in C++ from the contract in its ONNX file; the actions equal those of the Python loop.
-//
 //   apt install g++ libonnxruntime-dev nlohmann-json3-dev    # Debian since 13
 //   g++ -std=c++17 -O2 run_policy.cpp -I/usr/include/onnxruntime -lonnxruntime -o run_policy
 //   ./run_policy policy.onnx < readings.txt
-//
 // Input, one line for each control step: quaternion (w x y z, body to world), gyro (rad/s, body frame), joint positions
 // (rad), joint velocities (rad/s), command (m/s, m/s, rad/s). Output: action, joint position targets (rad).
 #include <algorithm>
@@ -14,7 +12,6 @@
 #include <nlohmann/json.hpp>
 #include <onnxruntime_cxx_api.h>
 #include <sstream>
-
 using Vector = std::vector<double>;
 void run(const char* path) {
     Ort::Env env(ORT_LOGGING_LEVEL_ERROR);
@@ -40,8 +37,7 @@ void run(const char* path) {
         std::istringstream numbers(typed);
         for (double& number : line) numbers >> number;
         if (!numbers || !(numbers >> std::ws).eof())  // numbers of another line would become other readings
-            throw std::runtime_error(
-                "line " + std::to_string(step + 1) + ": expected " + std::to_string(line.size()) + " numbers");
+            throw std::runtime_error("line " + std::to_string(step + 1) + ": expected " + std::to_string(line.size()) + " numbers");
         const double w = line[0], x = line[1], y = line[2], z = line[3];
         const auto position = line.begin() + 7, velocity = position + n, command = velocity + n;
         for (size_t j = 0; j < n; ++j) position[j] -= pose[j];
@@ -51,10 +47,8 @@ void run(const char* path) {
         std::map<std::string, Vector> terms{
             {"gyro", Vector(line.begin() + 4, position)},
             {"gravity", {2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1}},
-            {"joint_position", Vector(position, velocity)},
-            {"joint_velocity", Vector(velocity, command)},
-            {"command", Vector(command, line.end())},
-            {"last_action", action},
+            {"joint_position", Vector(position, velocity)}, {"joint_velocity", Vector(velocity, command)},
+            {"command", Vector(command, line.end())}, {"last_action", action},
             {"clock", {moving * std::sin(2 * M_PI * phase), moving * std::cos(2 * M_PI * phase)}}};
         std::vector<float> input;  // term by term; within a term oldest step first
         for (const auto& term : contract["observation"]) {

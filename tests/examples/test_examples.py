@@ -40,7 +40,7 @@ def test_every_example_is_in_the_table_and_short() -> None:
     assert files
     for path in files:
         assert f"]({path.relative_to(EXAMPLES).as_posix()})" in table, path
-        assert len(path.read_text().splitlines()) <= 90, path
+        assert len(path.read_text().splitlines()) <= 80, path
 
 
 @long_test
