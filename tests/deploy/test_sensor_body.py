@@ -1,8 +1,6 @@
 """Checks of the base: the IMU's readings agree with each other, its height and attitude with the legs."""
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -33,34 +31,29 @@ def test_the_difference_to_the_gyro_adds_up_and_fades(go1: Robot) -> None:
     assert found == pytest.approx(expected, abs=1e-4)
 
 
-def repeated(robot: Robot, check: Any, reading: Callable[[int], Inertial]) -> float:
-    """Time for which a reading has repeated itself after two windows of joints that move at 1 rad/s."""
-    windows = BodyWindows(robot, check, reading(0))
-    for first in (1, PER_WINDOW + 1):
-        value = windows.update(*map(reading, range(first, first + PER_WINDOW)), speed_rad_s=1.0)
-    return value
-
-
 def test_readings_of_the_imu_that_repeat_themselves_count_while_the_body_moves(go1: Robot) -> None:
-    """An acceleration counts half where the body does not turn; gyro and quaternion where the other turns."""
+    """An acceleration counts half where the body does not turn; gyro and quaternion where the other turns.
+
+    The joints move at 1 rad/s for two windows.
+    """
 
     def turning(k: int) -> Inertial:
         """Only the quaternion turns, about z at 0.1 rad/s."""
         return STILL._replace(quaternion=about("z", 0.1 * k * 0.004))
 
-    def still(_: int) -> Inertial:
-        return STILL
-
     for check, reading, expected_s in (
         (imu.AccelerationRepeated, turning, 0.08),
-        (imu.AccelerationRepeated, still, 0.04),
-        (imu.GyroRepeated, still, 0.0),
+        (imu.AccelerationRepeated, lambda _: STILL, 0.04),
+        (imu.GyroRepeated, lambda _: STILL, 0.0),
         (imu.GyroRepeated, lambda k: turning(k)._replace(gyro=(0.0, 0.0, 0.1)), 0.0),  # steady
         (imu.GyroRepeated, turning, 0.08),
-        (imu.QuaternionRepeated, still, 0.0),
+        (imu.QuaternionRepeated, lambda _: STILL, 0.0),
         (imu.QuaternionRepeated, lambda k: STILL._replace(gyro=(0.0, 0.1 + 0.001 * (k % 2), 0.0)), 0.08),
     ):
-        assert repeated(go1, check, reading) == pytest.approx(expected_s), check
+        windows = BodyWindows(go1, check, reading(0))
+        for first in (1, PER_WINDOW + 1):
+            repeated_s = windows.update(*map(reading, range(first, first + PER_WINDOW)), speed_rad_s=1.0)
+        assert repeated_s == pytest.approx(expected_s), check
 
 
 @pytest.mark.parametrize("quaternion", ATTITUDES)
@@ -95,12 +88,9 @@ def test_a_level_robot_has_sunk_before_a_simulator_calls_it_fallen(name: str) ->
         for part, angle_rad in {"hip_pitch": -1.9, "knee": 2.8, "ankle_pitch": -0.9}.items():
             folded[[part in joint for joint in robot.joint_names]] = angle_rad
 
-    def pose(share: float) -> np.ndarray:
-        return robot.default_pose + share * (folded - robot.default_pose)
-
     # The least height of a robot that the simulator does not call fallen.
     least_m = COLLAPSED_SHARE * robot.description.standing_height_m
-    poses = map(pose, np.linspace(0.0, 1.0, 1001))
+    poses = np.linspace(robot.default_pose, folded, 1001)
     collapsed = next(each for each in poses if -robot.legs.pose(each).foot[:, 2].min() < least_m)
     sunk_share = Clearance(robot).sunk_share(collapsed, STILL.quaternion)
     assert sunk_share > deploy_config(robot).safety.sensors.sunk

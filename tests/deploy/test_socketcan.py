@@ -71,9 +71,8 @@ class TestFrames:
         ends["a"].send(can_frame(0x102, b"xyrubbis", length=2))
         ends["a"].send(can_frame(0x8200_01FD, b"abcdefgh"))
         (got,) = bus.receive(0)
-        assert got.channel.tolist() == [0, 0, 2]
+        assert (got.channel.tolist(), got.length.tolist()) == ([0, 0, 2], [2, 8, 8])
         assert got.id.tolist() == [0x102, EXTENDED | 0x0200_01FD, 0x101]
-        assert got.length.tolist() == [2, 8, 8]
         assert [row.tobytes() for row in got.data] == [b"xy\0\0\0\0\0\0", b"abcdefgh", b"12345678"]
         assert [each.frames_received for each in bus.statistics()] == [2, 0, 1]
         assert bus.receive(0) == []
@@ -97,76 +96,59 @@ class TestFaults:
         ends["b"].send(can_frame(0x101, b"reading"))
         ends["b"].send(can_frame(0x2000_0000 | 0x040, bytes(8)))
         (got,) = bus.receive(0)
-        assert got.id.tolist() == [0x101]
-        assert bus.fault().startswith("bus b is bus-off")
         ends["b"].send(can_frame(0x2000_0000 | 0x088, bytes(8)))  # an empty one changes nothing
-        assert bus.receive(0) == []
-        assert bus.fault().startswith("bus b is bus-off")
+        fault = bus.fault()
+        assert (got.id.tolist(), bus.receive(0), bus.fault()) == ([0x101], [], fault)
+        assert fault.startswith("bus b is bus-off")
         assert [(each.errors, each.frames_received) for each in bus.statistics()] == [(0, 0), (3, 1)]
 
-    @pytest.mark.parametrize(
-        ("number", "message"),
-        [(errno.ENETDOWN, "bus b is down: "), (errno.ENODEV, "bus b is down: "), (errno.ENOBUFS, "")],
-    )
-    def test_a_frame_that_is_refused_is_counted_and_an_interface_that_is_down_is_named(
-        self, ends: Ends, number: int, message: str
-    ) -> None:
-        bus = SocketCanBus(("a", "b"), FILTERS)
-        failing = Mock(side_effect=OSError(number, "no"))
-        bus._sockets[1].close()
-        bus._sockets[1] = Mock(send=failing, recvmsg=failing)
-        assert bus.receive(0) == []
-        assert bus.fault().startswith(message) if message else bus.fault() == ""
-        assert bus.send(batch((1, 1, b""), (0, 1, b""), (1, 2, b"")), 0) == 2
-        assert [(each.frames_sent, each.frames_refused) for each in bus.statistics()] == [(1, 0), (0, 2)]
-
-
-class FakeSocket:
-    """Records the calls to a CAN socket."""
-
-    def __init__(self, *kind: int) -> None:
-        self.kind, self.options = kind, dict[tuple[int, int], object]()
-        self.setblocking, self.close = Mock(), Mock()
-
-    def setsockopt(self, level: int, option: int, value: object) -> None:
-        self.options[level, option] = value
-
-    def bind(self, address: tuple[str]) -> None:
-        if address == ("broken",):
-            raise OSError(errno.ENODEV, "No such device")
-        self.address = address
+    @pytest.mark.usefixtures("ends")
+    def test_a_frame_that_is_refused_is_counted_and_an_interface_that_is_down_is_named(self) -> None:
+        for number, down in ((errno.ENETDOWN, True), (errno.ENODEV, True), (errno.ENOBUFS, False)):
+            bus = SocketCanBus(("a", "b"), FILTERS)
+            failing = Mock(side_effect=OSError(number, "no"))
+            bus._sockets[1].close()
+            bus._sockets[1] = Mock(send=failing, recvmsg=failing)
+            assert bus.receive(0) == []
+            assert bus.fault().startswith("bus b is down: ") if down else bus.fault() == ""
+            assert bus.send(batch((1, 1, b""), (0, 1, b""), (1, 2, b"")), 0) == 2
+            assert [(each.frames_sent, each.frames_refused) for each in bus.statistics()] == [(1, 0), (0, 2)]
 
 
 class TestOpening:
     @pytest.fixture
-    def sockets(self, monkeypatch: pytest.MonkeyPatch) -> list[FakeSocket]:
-        """The sockets that are opened."""
-        made: list[FakeSocket] = []
-        monkeypatch.setattr(socket, "socket", lambda *kind: made.append(FakeSocket(*kind)) or made[-1])
-        return made
+    def opening(self, monkeypatch: pytest.MonkeyPatch) -> Mock:
+        """Opens sockets that record what is called."""
+        opening = Mock()
+        monkeypatch.setattr(socket, "socket", opening)
+        return opening
 
-    def test_the_kernel_filters_and_stamps(self, sockets: list[FakeSocket]) -> None:
+    def test_the_kernel_filters_and_stamps(self, opening: Mock) -> None:
         """Masks include the bits of 29-bit identifiers and remote frames: none passes for another kind."""
         SocketCanBus(("can3",), FILTERS)
-        (opened,) = sockets
-        assert opened.kind == (29, 3, 1)  # AF_CAN, SOCK_RAW, CAN_RAW
-        assert opened.address == ("can3",)
+        opening.assert_called_once_with(29, 3, 1)  # AF_CAN, SOCK_RAW, CAN_RAW
+        opened = opening.return_value
+        opened.bind.assert_called_once_with(("can3",))
         opened.setblocking.assert_called_once_with(False)
-        # SOL_CAN_RAW, CAN_RAW_FILTER
-        assert opened.options[101, 1] == struct.pack("=4I", 0x100, 0xC000_0780, 0x8200_0000, 0xDF00_0000)
-        assert opened.options[101, 2] == 0x1FFF_FFFF  # every class of error frame
-        assert opened.options[socket.SOL_SOCKET, 35] == 1
+        assert [each.args for each in opened.setsockopt.call_args_list] == [
+            (101, 1, struct.pack("=4I", 0x100, 0xC000_0780, 0x8200_0000, 0xDF00_0000)),  # CAN_RAW_FILTER
+            (101, 2, 0x1FFF_FFFF),  # every class of error frame
+            (socket.SOL_SOCKET, 35, 1),
+        ]
 
-    def test_a_failure_closes_all(self, sockets: list[FakeSocket], monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_a_failure_closes_all(self, opening: Mock, monkeypatch: pytest.MonkeyPatch) -> None:
         """The message names the interface, even on a system without CAN."""
+        opening.side_effect = first, second = Mock(), Mock()
+        second.bind.side_effect = OSError(errno.ENODEV, "No such device")
         with pytest.raises(UserError, match="'broken'"):
             SocketCanBus(("can0", "broken"), FILTERS)
-        assert [each.close.called for each in sockets] == [True, True]
+        assert (first.close.called, second.close.called) == (True, True)
         monkeypatch.delattr(socket, "AF_CAN")
         with pytest.raises(UserError, match=r"'can0'.*AF_CAN"):
             SocketCanBus(("can0",), FILTERS)
 
-    def test_interfaces_are_opened_by_their_kind(self, sockets: list[FakeSocket]) -> None:
+    @pytest.mark.usefixtures("opening")
+    def test_interfaces_are_opened_by_their_kind(self) -> None:
         assert isinstance(open_interfaces("socketcan", ("can0",), FILTERS), SocketCanBus)
         with pytest.raises(UserError, match=r"'morse'.*canalystii, "):
             open_interfaces("morse", ("can0",), FILTERS)

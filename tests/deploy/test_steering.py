@@ -1,7 +1,7 @@
 """Requests of a command source are refused, clipped, or passed on as changes."""
 
 import math
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from footfall.robots.description import Robot
 
 FORWARD = np.array([0.4, 0.0, 0.0])
 STATUS = Status(0.0, 0.0, Mode.WALKING, "a", FORWARD, FORWARD, 0.3, UNKNOWN_POSE, (), (), Offer())
-
 RUN: Any = SimpleNamespace(walking_s=0.0, battery=STATUS.battery, status=STATUS)
 
 
@@ -26,11 +25,9 @@ class Steps(Hold):
 
     name = "a"
     gaits = ("trot", "walk")
-
-    @property
-    def live_settings(self) -> dict[str, Span]:
-        return {"step_height_m": Span(0.02, 0.1, 0.05), "body_height_m": Span(0.2, 0.3, 0.28)}
-
+    live_settings = MappingProxyType(
+        {"step_height_m": Span(0.02, 0.1, 0.05), "body_height_m": Span(0.2, 0.3, 0.28)}
+    )
     applied = Applied()
 
     def set_live(self, values: object) -> None: ...
@@ -67,22 +64,14 @@ def test_changes_are_clipped_noted_and_made_once(scripted: Scripted) -> None:
     assert scripted.changes(gait="walk", settings=lower) == []
 
 
-@pytest.mark.parametrize(
-    "request_",
-    [
-        {"policy": "c"},
-        {"gait": "waltz"},
-        {"settings": {"roll_rad": 0.1}},
-        {"settings": {"step_height_m": math.nan}},
-    ],
-)
-def test_unknown_policies_gaits_and_settings_are_refused_with_a_note(
-    scripted: Scripted, request_: dict[str, Any]
-) -> None:
-    assert scripted.changes(**request_) == []
-    (note,) = scripted.steering.notes
-    assert "\n" not in note
-    np.testing.assert_array_equal(scripted.steering.command, FORWARD)
+def test_unknown_policies_gaits_and_settings_are_refused_with_a_note(go1: Robot) -> None:
+    unknown: tuple[dict[str, Any], ...] = ({"roll_rad": 0.1}, {"step_height_m": math.nan})
+    for request in ({"policy": "c"}, {"gait": "waltz"}, *({"settings": each} for each in unknown)):
+        scripted = Scripted(go1)
+        assert scripted.changes(**request) == []
+        (note,) = scripted.steering.notes
+        assert "\n" not in note
+        np.testing.assert_array_equal(scripted.steering.command, FORWARD)
 
 
 def test_gait_and_settings_wait_for_the_next_policy(scripted: Scripted) -> None:

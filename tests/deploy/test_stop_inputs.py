@@ -2,11 +2,9 @@
 
 import os
 import struct
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
+from unittest.mock import Mock
 
 import can
 import pytest
@@ -16,7 +14,7 @@ from relaxed_limits import RELAXED
 from some_motors import frame
 
 from footfall import JointCommand, PolicyInput, Robot, UserError, load_robot
-from footfall.deploy.frames import Frames, joined
+from footfall.deploy.frames import joined
 from footfall.deploy.session import Session, run_on_interface
 from footfall.deploy.stop_inputs.frame import StopFrameBus
 from footfall.deploy.stop_inputs.key import StopKeyInput
@@ -29,40 +27,35 @@ from footfall.robots.stop_inputs import StopFrame, StopInputs, StopKey
 FRAME = StopFrame("can1", 0x7F0, heartbeat_s=0.2)
 
 
-def bus_that_hands_out(batches: Callable[[int], list[Frames]]) -> StopFrameBus:
-    inner: Any = SimpleNamespace(receive=batches)
-    return StopFrameBus(inner, FRAME, 1)
+BEAT = frame(0x7F0, b"\0", channel=1)
 
 
-@pytest.mark.parametrize(
-    ("arrives", "stops"),
-    [
+def test_a_frame_stops_by_its_first_byte() -> None:
+    for arrives, stops in (
         (frame(0x7F0, b"\1", channel=1), True),
         (frame(0x7F0, b"", channel=1), True),
-        (joined([frame(5, b"\2", 1), frame(0x7F0, b"\0", 1), frame(0x7F0, b"\x80", 1)]), True),
+        (joined([frame(5, b"\2", 1), BEAT, frame(0x7F0, b"\x80", 1)]), True),
         (frame(0x7F0, b"\0\1\1", channel=1), False),
         (frame(0x7F0, b"\1", channel=0), False),
         (frame(0x7F1, b"\1", channel=1), False),
-    ],
-)
-def test_a_frame_stops_by_its_first_byte(arrives: Frames, stops: bool) -> None:
-    bus = bus_that_hands_out(lambda now_us: [arrives if now_us == 1000 else frame(0x7F0, b"\0", channel=1)])
-    rest = joined(bus.receive(1000))
-    assert (bus.stopped is not None) is stops
-    stop_frames = (arrives.id == 0x7F0) & (arrives.channel == 1)
-    assert rest.id.tolist() == arrives.id[~stop_frames].tolist()  # drivers do not see it
-    bus.receive(2000)
-    assert (bus.stopped is not None) is stops
+    ):
+        bus = StopFrameBus(Mock(receive=Mock(side_effect=([arrives], [BEAT]))), FRAME, 1)
+        rest = joined(bus.receive(1000))
+        assert (bus.stopped is not None) is stops
+        stop_frames = (arrives.id == 0x7F0) & (arrives.channel == 1)
+        assert rest.id.tolist() == arrives.id[~stop_frames].tolist()  # drivers do not see it
+        bus.receive(2000)
+        assert (bus.stopped is not None) is stops
 
 
-@pytest.mark.parametrize(("beats", "silent_from_us"), [([], 0), ([0, 150_000, 300_000], 300_000)])
-def test_a_missing_or_silent_heartbeat_stops(beats: list[int], silent_from_us: int) -> None:
-    bus = bus_that_hands_out(lambda now_us: [frame(0x7F0, b"\0", channel=1)] if now_us in beats else [])
+@pytest.mark.parametrize("beats", [[], [0, 150_000, 300_000]])
+def test_a_missing_or_silent_heartbeat_stops(beats: list[int]) -> None:
+    bus = StopFrameBus(Mock(receive=lambda now_us: [BEAT] if now_us in beats else []), FRAME, 1)
     for now_us in range(0, 1_000_000, 2000):
         bus.receive(now_us)
         if bus.stopped is not None:
             break
-    assert (bus.stopped is not None, now_us) == (True, silent_from_us + 202_000)
+    assert (bus.stopped is not None, now_us) == (True, max(beats, default=0) + 202_000)
 
 
 def test_bad_stop_inputs_are_refused(go1: Robot, own_folder: Path) -> None:
@@ -86,41 +79,30 @@ def event(kind: int, code: int, value: int) -> bytes:
     return struct.pack("@llHHi", 0, 0, kind, code, value)
 
 
-@pytest.fixture
-def device(tmp_path: Path) -> Iterator[tuple[str, int]]:
-    """A pipe in place of an input device, and its other end."""
-    path = tmp_path / "event0"
+def test_any_key_stops_or_only_the_declared_key_or_unplugging_the_device(tmp_path: Path) -> None:
+    """A pipe is in place of an input device; an event is a motion, a key pressed or a key released."""
+    path = str(tmp_path / "event0")
     os.mkfifo(path)
     end = os.open(path, os.O_RDWR)
-    yield str(path), end
+    any_key = StopKeyInput(StopKey(path))
+    assert any_key.stopped is None
+    os.write(end, event(2, 0, 5) + event(0, 0, 0) + event(1, 57, 0))
+    assert any_key.stopped is None
+    os.write(end, event(1, 57, 1) + event(1, 57, 0))
+    stop = any_key.stopped
+    assert "57" in stop.reason
+    assert any_key.stopped is stop
+    any_key.close()
+    space = StopKeyInput(StopKey(path, code=57, damp=True))
+    os.write(end, event(1, 30, 1))
+    assert space.stopped is None
+    os.write(end, event(1, 57, 1))
+    assert space.stopped.damp
+    space.close()
+    unplugged = StopKeyInput(StopKey(path))
     os.close(end)
-
-
-class TestKey:
-    def test_any_key_stops_or_only_the_declared_key(self, device: tuple[str, int]) -> None:
-        path, end = device
-        any_key = StopKeyInput(StopKey(path))
-        assert any_key.stopped is None
-        os.write(end, event(2, 0, 5) + event(0, 0, 0) + event(1, 57, 0))  # moved, and a key released
-        assert any_key.stopped is None
-        os.write(end, event(1, 57, 1) + event(1, 57, 0))
-        stop = any_key.stopped
-        assert "57" in stop.reason
-        assert any_key.stopped is stop
-        any_key.close()
-        space = StopKeyInput(StopKey(path, code=57, damp=True))
-        os.write(end, event(1, 30, 1))
-        assert space.stopped is None
-        os.write(end, event(1, 57, 1))
-        assert space.stopped.damp
-        space.close()
-
-    def test_unplugging_the_device_stops_the_robot(self, tmp_path: Path) -> None:
-        path = tmp_path / "event0"
-        os.mkfifo(path)
-        key = StopKeyInput(StopKey(str(path)))
-        assert "is gone" in key.stopped.reason
-        key.close()
+    assert "is gone" in unplugged.stopped.reason
+    unplugged.close()
 
 
 class Presses(Hold):

@@ -1,6 +1,7 @@
 """For any decision and reading, no frame requests more torque than a motor can deliver."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from hypothesis import given, settings
@@ -8,13 +9,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from reports import report
 
+from footfall import JointCommand, load_robot
 from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.frames import Frames
 from footfall.deploy.joint_layer import JointLayer
 from footfall.deploy.wiring import Wiring, wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
-from footfall.robots.actuator import JointCommand, Motor
-from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
 WIRING = wiring_of(ROBOT)
@@ -28,9 +28,8 @@ WIRINGS = {
 FLOAT_ROUNDING = 2.0**-24  # of a number with 24 significant bits, half of the last one
 USUAL_READING = np.array([[12.5], [40.0], [40.0]])  # where a frame's range is unlimited
 
-anything = st.floats(-1e300, 1e300)
-usual = st.floats(-3.0, 3.0)
-decisions = arrays.arrays(float, (5, N), elements=st.one_of(usual, st.floats(-600.0, 600.0), anything))
+numbers = st.one_of(st.floats(-highest, highest) for highest in (3.0, 600.0, 1e300))
+decisions = arrays.arrays(float, (5, N), elements=numbers)
 readings = arrays.arrays(float, (3, N), elements=st.floats(-1.0, 1.0))  # of a frame's range
 wirings = st.sampled_from(sorted(WIRINGS)).map(WIRINGS.__getitem__)
 
@@ -68,7 +67,10 @@ class Pair:
         position, velocity, kp, kd, torque_quantum = span * self.precision
         gain_rounding = kp * (np.abs(error) + position) + kd * (np.abs(speed_error) + velocity)
         rounding = 0.5 * (gain_rounding + decoded.kp * position + decoded.kd * velocity + torque_quantum)
-        lowest, highest = limits(ROBOT.motor, sensed.joint_velocity)
+        # The limits are the motor's current limit and the supply's line, up to zero.
+        stall, peak = ROBOT.motor.stall_torque, ROBOT.motor.peak_torque
+        line = stall / ROBOT.motor.no_load_speed * sensed.joint_velocity
+        highest, lowest = np.clip(stall - line, 0.0, peak), np.clip(-stall - line, -peak, 0.0)
         rounding = rounding + FLOAT_ROUNDING * np.abs(torque)
         return np.maximum(torque - highest, lowest - torque) - rounding * (1 + 1e-9)
 
@@ -80,19 +82,9 @@ def precision(model: str) -> list[float]:
     return [1 / 65535] * 5 if model.startswith("RS") else [1 / 65535, *[1 / 4095] * 4]
 
 
-def limits(motor: Motor, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest torque that may be requested: the current limit, and the supply's line to zero."""
-    line = motor.stall_torque / motor.no_load_speed * velocity
-    highest = np.clip(motor.stall_torque - line, 0.0, motor.peak_torque)
-    lowest = np.clip(-motor.stall_torque - line, -motor.peak_torque, 0.0)
-    return lowest, highest
-
-
 @settings(max_examples=60, deadline=None)
 @given(wiring=wirings, decision=decisions, share=readings, start=readings)
-def test_commands_in_limits(
-    wiring: Wiring, decision: np.ndarray, share: np.ndarray, start: np.ndarray
-) -> None:
+def test_commands_in_limits(wiring: Wiring, decision: Any, share: np.ndarray, start: np.ndarray) -> None:
     ends = Pair(wiring, share, 12.5 * start[0])
     for _ in range(2):
         assert ends.excess(ends.layer.command(JointCommand(*decision))).max() <= 0.0
