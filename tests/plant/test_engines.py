@@ -18,7 +18,7 @@ BLOCK = """
 <mujoco><option timestep="0.001"/><worldbody>
   <geom type="plane" size="0 0 1" friction="{ground}" priority="{priority}"/>
   <body pos="0 0 0.05"><freejoint/><inertial mass="2" pos="0 0 0" diaginertia="0.01 0.01 0.01"/>
-    <replicate count="4" euler="0 0 1.5708"><geom size="0.05" pos="0.2 0.2 0" friction="{foot}"/></replicate>
+    <replicate count="4" euler="0 0 90"><geom size="0.05" pos="0.2 0.2 0" friction="{foot}"/></replicate>
   </body>
 </worldbody></mujoco>"""
 MODULES = {"drake": "pydrake", "motrixsim": "motrixsim"}
