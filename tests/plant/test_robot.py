@@ -1,30 +1,37 @@
-"""The simulated robot: initial position, time, pushes, IMU, battery and true state."""
+"""The simulated robot: initial position, time, pushes, IMU, battery, true state, falls, other plants."""
 
+import copy
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 from changed_robots import described
 from edited import content_of, edit
-from plant_bodies import body_of
 from scipy.spatial.transform import Rotation
 
-from footfall.common.errors import UserError
+from footfall import Robot, UserError, load_robot
 from footfall.deploy.wiring import wiring_of
+from footfall.domain_rand.sample import Sample
 from footfall.plant.battery import SimulatedBattery
 from footfall.plant.engines.engine import MujocoEngine
 from footfall.plant.ground_truth import GroundTruth
-from footfall.plant.robot import SimulatedRobot
+from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.sensors import Layout
 from footfall.plant.wires import Side, SimulatedWires
 from footfall.robots.battery import Battery
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.model import joint_addresses, read_plant
 
 # No joint is at its old position or beside its old neighbour.
 ORDER = [7, 2, 11, 0, 5, 9, 4, 1, 10, 3, 8, 6]
+
+
+def body_of(robot: Robot, **difference: Any) -> SimulatedRobot:
+    """A simulated robot without a controller."""
+    wiring = wiring_of(robot)
+    return SimulatedRobot(robot, wiring, SimulatedWires(wiring.buses), PlantConfig(held=False, **difference))
 
 
 @pytest.fixture
@@ -126,14 +133,16 @@ def test_a_batterys_voltage_falls_with_load_and_charge_and_acts_on_the_motors(go
     assert 0.85 * given_j < (1.0 - pack.charge) * 3600.0 * battery.capacity_wh < given_j
 
 
-def test_a_drawn_charge_is_that_of_the_simulated_pack(go1: Robot) -> None:
-    """A robot without a pack is refused by name."""
+def test_a_drawn_charge_is_that_of_the_simulated_pack_and_samples_for_other_robots_are_refused(
+    go1: Robot,
+) -> None:
     drawn = {"battery_charge": np.array(0.3)}
     simulated = body_of(described(go1, battery=Battery(8, 230.0, 0.1)), sample=drawn)
     assert simulated.battery is not None
     assert simulated.battery.charge == pytest.approx(0.3)
-    with pytest.raises(UserError, match="battery_charge"):
-        body_of(go1, sample=drawn)
+    for sample, reason in ((drawn, "battery_charge"), (Sample(link_mass=np.ones(3)), r"3 bodies.* 13")):
+        with pytest.raises(UserError, match=reason):
+            body_of(go1, sample=sample)
 
 
 def test_every_part_of_the_state_is_found_in_a_plant_of_more_than_the_robot(
@@ -163,6 +172,17 @@ def test_every_part_of_the_state_is_found_in_a_plant_of_more_than_the_robot(
     assert np.abs(truth.foot_velocity).min() > 0.01
 
 
+def test_an_earlier_truth_does_not_change_when_the_simulation_goes_on(go1: Robot) -> None:
+    body = body_of(go1)
+    earlier = body.truth()
+    kept = copy.deepcopy(earlier)
+    body.push((0.5, 0.3, 0.2))
+    body.advance(20_000)
+    assert (body.truth().foot_velocity != kept.foot_velocity).all()
+    for now, then in zip(earlier, kept, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
 def test_legs_touch_where_two_of_them_press_on_each_other(go1: Robot) -> None:
     """Legs of a standing robot do not touch. In the air, its front or its rear feet are moved together."""
     body = body_of(go1)
@@ -185,16 +205,28 @@ def test_legs_touch_where_two_of_them_press_on_each_other(go1: Robot) -> None:
         assert len({model.geom_bodyid[geom] for geom in data.contact.geom.ravel()}) == 2
 
 
-@pytest.mark.parametrize(("share", "sunk"), [(0.39, True), (0.41, False)])
-def test_a_base_below_0_4_of_the_standing_height_has_sunk(go1: Robot, share: float, sunk: bool) -> None:
+def test_a_base_below_0_4_of_the_standing_height_has_sunk(go1: Robot) -> None:
     body = body_of(go1)
     body.data.qpos[2] = 7.0
     body.data.qpos[9] += 0.2  # one foot is higher than the others
     mujoco.mj_forward(body.model, body.data)
-    height_m = (7.0 - body.truth().foot_position[:, 2].min()) / share
     layout, engine = Layout(slice(7, 19), slice(6, 18), 0, 0), MujocoEngine(body.model, body.data)
-    truth = GroundTruth(read_plant(go1, visual=False), body.data, engine, layout, height_m)
-    assert truth.fall() == ("the base sank to the height of the feet" if sunk else None)
+    for share, fall in ((0.39, "the base sank to the height of the feet"), (0.41, None)):
+        height_m = (7.0 - body.truth().foot_position[:, 2].min()) / share
+        truth = GroundTruth(read_plant(go1, visual=False), body.data, engine, layout, height_m)
+        assert truth.fall() == fall
+
+
+def test_a_tilt_past_70_degrees_is_a_fall(go1: Robot) -> None:
+    """A turn about the vertical is none."""
+    body = body_of(go1)
+    for axis in range(3):
+        for degrees in (69.0, 71.0, -71.0, 150.0):
+            half = np.deg2rad(degrees) / 2
+            body.data.qpos[2:7] = 2.0, np.cos(half), 0.0, 0.0, 0.0
+            body.data.qpos[4 + axis] = np.sin(half)
+            mujoco.mj_forward(body.model, body.data)
+            assert bool(body.fall()) is (axis < 2 and abs(degrees) > 70.0), (axis, degrees)
 
 
 def test_only_contact_of_the_base_with_the_ground_is_a_fall(go1: Robot) -> None:
@@ -216,9 +248,20 @@ def test_only_contact_of_the_base_with_the_ground_is_a_fall(go1: Robot) -> None:
     pytest.fail("the trunk never touched")
 
 
-@pytest.mark.parametrize("kind", ["BADQPOS", "BADQVEL", "BADQACC", "CONTACTFULL"])
-def test_nan_warnings_differ_from_other_warnings(go1: Robot, kind: str) -> None:
-    body = body_of(go1)
-    assert not body.diverged()
-    body.data.warning[getattr(mujoco.mjtWarning, f"mjWARN_{kind}")].number = 1
-    assert body.diverged() is (kind != "CONTACTFULL")
+def test_nan_warnings_differ_from_other_warnings(go1: Robot) -> None:
+    for kind in ("BADQPOS", "BADQVEL", "BADQACC", "CONTACTFULL"):
+        body = body_of(go1)
+        assert not body.diverged()
+        body.data.warning[getattr(mujoco.mjtWarning, f"mjWARN_{kind}")].number = 1
+        assert body.diverged() is (kind != "CONTACTFULL"), kind
+
+
+def test_a_plant_without_reflected_inertia_gets_the_robots(go1: Robot, tmp_path: Path) -> None:
+    plant, text = tmp_path / "light.xml", go1.xml_path.read_text()
+    for armature in (' armature="0.00403"', ' armature="0.00906"'):
+        assert armature in text
+        text = text.replace(armature, "")
+    plant.write_text(text)
+    body = body_of(go1, plant=plant)
+    assert "reflected inertia" in body.notes[0]
+    np.testing.assert_allclose(body.model.dof_armature[6:], go1.armature)
