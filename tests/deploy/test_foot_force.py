@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from changed_robots import with_foot_sensors
 from edited import content_of
-from foot_sensors import equipped
 from some_motors import frame
 
 from footfall import Episode, Robot, Trace, UserError, load_policy, load_robot, run_episode
@@ -23,7 +23,7 @@ from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.locomotion import LocomotionEnv
 from footfall.train.config import load_preset
 
-SENSING = equipped(load_robot("go1"))
+SENSING = with_foot_sensors(load_robot("go1"))
 
 
 class TestFrames:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from frame_robot import ROWS
-from reports import report
+from some_motors import report
 
 from footfall.deploy.drivers.choice import open_driver, open_imu
 from footfall.deploy.frames import Frames

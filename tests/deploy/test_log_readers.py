@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from changed_robots import with_foot_sensors
 from deploy_policies import Hold
-from foot_sensors import equipped
 from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -56,7 +56,7 @@ def messages(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     path = tmp_path_factory.mktemp("log") / "run.mcap"
     policy = Hold(go1)
     policy.observed, policy.action = np.arange(3.0), np.arange(12.0)  # type: ignore[attr-defined]
-    log = McapLog(path, equipped(go1), policy, {}, may_wait=True)
+    log = McapLog(path, with_foot_sensors(go1), policy, {}, may_wait=True)
     log.begin(START_NS)
     still = np.zeros(3)
     sensed = STILL._replace(joint_position=go1.default_pose, foot_force=np.ones(4))

@@ -9,8 +9,7 @@ from deploy_policies import Hold, short_episode, stand_still
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from reports import report
-from some_motors import MAKERS, read_settings, two_motors, with_motors
+from some_motors import MAKERS, read_settings, report, two_motors, with_motors
 from watched_simulation import Simulation
 
 from footfall import Robot, load_robot, run_episode

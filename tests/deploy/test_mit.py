@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from reports import report
+from some_motors import report
 
 from footfall import Robot, UserError
 from footfall.deploy.drivers import mit

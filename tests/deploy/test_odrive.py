@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deploy_policies import Hold, short_episode
-from reports import report
-from some_motors import MAKERS, frame, hexed, two_motors, with_motors
+from some_motors import MAKERS, frame, hexed, report, two_motors, with_motors
 
 from footfall import JointCommand, Robot, run_episode
 from footfall.deploy.config import DeployConfig

@@ -1,11 +1,16 @@
 """A session around its loop: signals, interfaces that are released, wall-clock time, late policies."""
 
+import fcntl
 import math
 import signal
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
@@ -13,7 +18,6 @@ import numpy as np
 import pytest
 from deploy_policies import FailingPolicy, Hold, short_episode, slow, stand_still
 from frame_robot import TICK_US, FrameRobot, Notebook
-from multicast import robot_on_multicast
 from relaxed_limits import RELAXED
 
 from footfall import Robot, UserError, load_robot, run_episode
@@ -121,6 +125,25 @@ def test_the_fullest_bus_limits_the_rate(go1: Robot) -> None:
         check_joint_rate(wiring, open_driver(wiring), fastest_hz)
         with pytest.raises(UserError, match=f"{bus} .* {fastest_hz} Hz"):
             check_joint_rate(wiring, open_driver(wiring), fastest_hz + 1)
+
+
+@contextmanager
+def robot_on_multicast(*options: str) -> Iterator[None]:
+    """Context with the simulated robot in a process of its own; skips the test without multicast.
+
+    No other test of this machine has a robot on python-can's multicast buses meanwhile.
+    """
+    command = [sys.executable, "-m", "footfall.plant.serve", "--bus", "udp_multicast", *options]
+    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with (Path(tempfile.gettempdir()) / "footfall-multicast.lock").open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with subprocess.Popen(command, **pipes, text=True) as server:
+            try:
+                if not server.stdout.readline():  # it reports that it is ready
+                    pytest.skip(f"no multicast here: {server.communicate()[1].strip()}")
+                yield
+            finally:
+                server.terminate()
 
 
 class TestWallClock:

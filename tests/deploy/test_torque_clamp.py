@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from reports import report
+from some_motors import report
 
 from footfall import JointCommand, load_robot
 from footfall.deploy.drivers.choice import open_driver, open_imu

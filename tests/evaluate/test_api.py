@@ -7,8 +7,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from outcomes import FILE
 from rich.console import Console
-from scenario_file import FILE
 
 from footfall.common.errors import UserError
 from footfall.evaluate import api

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from outcomes import GOOD, outcome
-from scenario_file import FILE, OWN_NOISE
+from outcomes import FILE, GOOD, OWN_NOISE, outcome
 
 from footfall.evaluate import suite
 from footfall.evaluate.config import EvaluationConfig

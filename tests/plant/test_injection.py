@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reports import report
+from some_motors import report
 
 from footfall.deploy.drivers import imu
 from footfall.deploy.frames import Frames

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from half_rate import half_rate
 
 from footfall.common.rotations import heading, heading_matrix, tilt, yaw_of
 from footfall.deploy.command_source import Request, Status, Stop
@@ -37,7 +36,7 @@ from footfall.robots.description import Robot, load_robot
 from footfall.robots.mjcf import load_spec
 
 GO1, G1, HEXAPOD = (load_robot(name) for name in ("go1", "g1", "hexapod"))
-HALF = half_rate(HEXAPOD)
+HALF = replace(deploy_config(HEXAPOD), joint_rate_hz=250.0)  # simulated faster
 NOISE = load_scenarios(GO1).noise
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from reports import report
+from some_motors import report
 
 from footfall import JointCommand, PolicyInput, Robot
 from footfall.deploy.bus import BusStatistics

@@ -1,4 +1,4 @@
-"""Motors of any maker: on a whole robot, and two on separate buses, with their frames."""
+"""Motors of any maker: on a whole robot, and two on separate buses, with their states and frames."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,6 +7,7 @@ import numpy as np
 
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
+from footfall.plant.motor_ends.motor_end import Report
 from footfall.robots.battery import Battery
 from footfall.robots.description import Robot
 
@@ -53,6 +54,17 @@ def two_motors(
         joint_names=("hip", "knee"),
         foot_channel=np.zeros(0, np.intp),
     )
+
+
+def report(
+    values: np.ndarray, error: np.ndarray | int = 0, temperature_c: int = 30, on: np.ndarray | bool = True
+) -> Report:
+    """Motor states as a simulated robot reports them, on and without errors by default.
+
+    `values`: positions rad, velocities rad/s and torques N m of k motors, (3, k).
+    """
+    k = values.shape[1]
+    return Report(values, np.full(k, error, np.uint64), np.full(k, on, bool), temperature_c)
 
 
 def frame(identifier: int, content: str | bytes, channel: int = 0) -> Frames:

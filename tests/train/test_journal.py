@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
@@ -14,7 +15,6 @@ import pytest
 pytest.importorskip("tensorboard")
 
 from rich.console import Console
-from small_disk import fill
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from training_metrics import METRICS
 
@@ -23,6 +23,13 @@ from footfall.train.runs import checkpoint, display, journal
 from footfall.train.runs.folder import Run
 from footfall.train.runs.metrics import MetricsLog
 from footfall.train.runs.speed import Speed
+
+
+def fill(disk: Path, leaving: int = 0) -> Path:
+    """Fill a disk, except for this number of bytes."""
+    filler, state = disk / "filler", os.statvfs(disk)
+    filler.write_bytes(b"x" * (state.f_bavail * state.f_frsize - leaving))
+    return filler
 
 
 def test_a_failed_checkpoint_is_reported_once_and_retried(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
