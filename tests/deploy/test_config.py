@@ -142,7 +142,6 @@ def test_a_robots_limits_must_fit_the_motors_timeout(go1: Robot) -> None:
     """go1 allows a policy to be 0.07 s late: motors with a timeout of 0.06 s are disabled by then."""
     knee = replace(go1.description.motors["knee"], timeout_s=0.06)
     robot = described(go1, motors={**go1.description.motors, "knee": knee})
-    with pytest.raises(UserError, match=r"0\.06 s"):
-        deploy_config(robot)
+    assert "0.06 s" in refusal_of(deploy_config, robot)
     sooner = described(robot, safety={"pause_limit_s": 0.05, "late_limit_s": 0.05})  # 57 ms with a tick
     assert deploy_config(sooner).motor_timeout_s == 0.06

@@ -144,8 +144,7 @@ def test_frames_and_battery(messages: dict[str, list[Any]]) -> None:
     assert late.data.tolist() == list(range(8, 16))
     assert late.header.stamp.nanosec - early.header.stamp.nanosec == 10_000
     battery = messages["/battery_state"][0]
-    assert (battery.voltage, battery.current, battery.percentage) == (24.5, -3.0, 0.75)
-    assert battery.present
+    assert (battery.present, battery.voltage, battery.current, battery.percentage) == (1, 24.5, -3.0, 0.75)
 
 
 @pytest.fixture
