@@ -55,7 +55,7 @@ def tilted(x: float, y: float, when: np.ndarray = STEADY) -> dict[str, np.ndarra
 
 
 def check(
-    robot: Robot, criterion: Criterion, expected: list[str], sway_axis: str = "", **changes: np.ndarray
+    robot: Robot, criterion: Criterion, expected: list[str], axis: str = "", **changes: np.ndarray
 ) -> None:
     """A robot at rest with these changes has one finding, with all its words, for each expected one."""
     zeros, up = np.zeros((101, 12)), changes.pop("up", np.tile([0.0, 0.0, 1.0], (101, 1)))
@@ -63,13 +63,13 @@ def check(
     rows = values | {"temperature_c": zeros + 30.0} | changes
     samples = Samples(TIME_S, np.stack(list(rows.values()), axis=1), up)
     labels = [f"joint {joint}" for joint in range(12)]
-    case = Case(robot, labels, Window(0.0, 1.0, (2,), sway_axis), samples, BringUpLimits())
+    case = Case(robot, labels, Window(0.0, 1.0, (2,), axis), samples, BringUpLimits())
     for sentence, words in zip(criterion(case), expected, strict=True):
         assert all(word in sentence for word in words.split()), sentence
 
 
 def test_a_criterion_names_the_joint_and_the_figure(go1: Robot) -> None:
-    rows: tuple[tuple[Criterion, dict[str, np.ndarray], list[str]], ...] = (
+    for criterion, changes, expected in (
         (criteria.follow, moved(only(2, TRAVEL)), []),
         (criteria.follow, moved(only(2, -TRAVEL)), ["joint 2 sign"]),
         (criteria.follow, moved(only(2, 0.1 * TRAVEL)), ["joint 2 10% power"]),
@@ -99,8 +99,7 @@ def test_a_criterion_names_the_joint_and_the_figure(go1: Robot) -> None:
         # For a moment, forwards and to the side at once.
         (criteria.upright, tilted(0.6 * np.sin(0.3), -0.8 * np.sin(0.3), SAMPLE == 50), []),
         (criteria.upright, tilted(0.6 * np.sin(0.4), -0.8 * np.sin(0.4), SAMPLE == 50), ["0.41 rad"]),
-    )
-    for criterion, changes, expected in rows:
+    ):
         check(go1, criterion, expected, **changes)
 
 

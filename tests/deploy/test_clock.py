@@ -63,9 +63,7 @@ class TestUndisturbed:
         ]
         assert self.settings() == self.RESTORED
 
-    def test_memory_may_be_locked_without_a_limit_or_beyond_it(
-        self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-    ) -> None:
+    def test_when_memory_may_be_locked(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         for limit, capabilities, may in (
             (resource.RLIM_INFINITY, "0000000000000000", True),
             (8 * 2**20, "0000000000004000", True),  # CAP_IPC_LOCK, as setcap gives it

@@ -93,15 +93,14 @@ def test_foot_forces_may_replace_torques(shell: Shell, walk: Walk, tmp_path: Pat
 
 
 def test_an_unfit_map(shell: Shell, walk: Walk, tmp_path: Path) -> None:
-    rows: tuple[tuple[dict[str, Any], str], ...] = (
+    for changes, named in (
         ({"time": "clock"}, "clock"),
         ({"joint_position": {"knee": "t"}}, "FR_hip_joint"),
         ({"foot_force": dict.fromkeys((*FEET, "tail"), "ax")}, "tail"),
         ({"time_unit_s": -1.0}, "time_unit_s"),
         ({"time": "ax"}, "line"),
         ({"gyro": ["ax", "ay", "az"]}, "never at rest"),  # no attitude
-    )
-    for changes, named in rows:
+    ):
         assert named in shell.refuses(*command(walk[0], tmp_path, MAP | changes))
 
 

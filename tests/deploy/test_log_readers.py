@@ -123,9 +123,7 @@ def test_markers_of_a_walk(messages: dict[str, list[Any]]) -> None:
     assert {marker.header.frame_id for marker in array.markers} == {"odom"}
 
 
-def test_every_topic_is_read_and_an_error_is_an_event_and_a_diagnosis(
-    go1: Robot, messages: dict[str, list[Any]]
-) -> None:
+def test_every_topic_is_read_and_an_error_is_diagnosed(go1: Robot, messages: dict[str, list[Any]]) -> None:
     assert set(messages) == set(TOPICS)
     events = [(event.level, event.msg) for event in messages["/rosout"] if not event.msg.startswith("{")]
     assert events == [(20, "WALKING"), (30, "a note"), (40, "ESTOP: no reply")]

@@ -2,7 +2,6 @@
 
 import math
 from itertools import count
-from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -82,7 +81,7 @@ def test_the_estimator_gets_the_policys_contact_plan_once_it_has_begun(go1: Robo
 class TestFaults:
     @pytest.mark.parametrize("before", [Mode.STANDING, Mode.WALKING])
     def test_a_fault_of_the_robot_is_named_and_damps_it(self, go1: Robot, before: Mode) -> None:
-        rows: tuple[tuple[dict[str, Any], str, Mode], ...] = (
+        for change, fault, mode in (
             ({"silent": [7]}, "no reply from RR_thigh_joint (can2, id 2)", Mode.ESTOP),
             ({"silent": [6, 7, 8]}, "no reply from any motor on can2 for 50 ms", Mode.ESTOP),
             ({"silent": list(range(12))}, "no reply from any motor for 50 ms", Mode.ESTOP),
@@ -91,8 +90,7 @@ class TestFaults:
             ({"refuses": 2}, "bus overflow: 2 frames refused", Mode.ESTOP),
             ({"bus_fault": "bus can2 is bus-off"}, "bus can2 is bus-off", Mode.ESTOP),
             ({"quaternion": (0.8, 0.0, 0.6, 0.0)}, "tilt of 1.29 rad", Mode.FALLING),
-        )
-        for change, fault, mode in rows:
+        ):
             loop, body = loop_of(go1, Hold(go1))
             until(loop, before)
             loop.tick()
@@ -103,7 +101,7 @@ class TestFaults:
             assert not body.command().kp.any(), fault
 
     @pytest.mark.parametrize("part", ["reading", "sending", "policy", "command source", "log", "joint layer"])
-    def test_after_any_exception_the_robot_is_damped(
+    def test_an_exception_damps_the_robot(
         self, go1: Robot, monkeypatch: pytest.MonkeyPatch, part: str
     ) -> None:
         """Its motors are disabled afterwards."""

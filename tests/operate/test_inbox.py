@@ -1,7 +1,6 @@
 """Requests of operators: the owner of control, refusals, silence, stops, and another source's run."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -64,15 +63,14 @@ def test_a_bad_request_is_refused_in_one_line_and_changes_nothing(inbox: Inbox) 
     before = inbox.poll(WALKING)
     velocities = [math.nan, 0, 0], [0.1, 0.2], "fast", {"x": 1}, [True, 0, 0], ["0.3", "0", "0"]
     heights = math.inf, math.nan, 10**400, True, "0.1"
-    wrong: tuple[dict[str, Any], ...] = (
+    for wrong in (
         *({"velocity": velocity} for velocity in (*velocities, [10**400, 0, 0], [1e9, 0, 0])),
         *({"behaviour": "fly"}, {"behaviour": []}, {"policy": "mpc"}, {"policy": 7}, {"gait": "bound"}),
         *({"settings": {"step_height_m": height}} for height in heights),
         *({"settings": {"weight": 1.0}}, {"settings": {3: 1.0}}, {"settings": [0.1]}),
-    )
-    for request in wrong:
-        assert "\n" not in inbox.put("page", **({"velocity": [0.9, 0, 0]} | request)) != "", request
-        assert inbox.poll(WALKING) is before, request
+    ):
+        assert "\n" not in inbox.put("page", **({"velocity": [0.9, 0, 0]} | wrong)) != "", wrong
+        assert inbox.poll(WALKING) is before, wrong
 
 
 def test_one_operator_steers_until_another_takes_over(inbox: Inbox) -> None:

@@ -157,8 +157,7 @@ def test_velocities_other_than_zero_or_a_new_owner_end_the_walk(paths: PathSourc
 
 
 def test_an_invalid_path_is_refused_in_one_line(paths: PathSource) -> None:
-    wrong: tuple[Any, ...] = ([], "x", [[1]], [[math.nan, 0]], [[1e9, 0]], None, {"a": 1}, [[1, 2], "b"], 7)
-    for points in wrong:
+    for points in ([], "x", [[1]], [[math.nan, 0]], [[1e9, 0]], None, {"a": 1}, [[1, 2], "b"], 7):
         assert "\n" not in paths.follow(points) != "", points
         assert paths.state is None, points
     assert paths.follow([[1.0, 0.0]], "up") != ""
@@ -171,9 +170,7 @@ def test_without_odometry_the_walk_gives_up(paths: PathSource) -> None:
     assert "odometry" in paths.state.outcome
 
 
-def test_the_bridge_steers_and_reads_the_feed_until_the_run_ends(
-    inbox: Inbox, path: Path, tmp_path: Path
-) -> None:
+def test_the_bridge_steers_and_reads_until_the_run_ends(inbox: Inbox, path: Path, tmp_path: Path) -> None:
     feed_path = tmp_path / "feed"
     with bridge(FAKE, feed_path, path, Ros2Config()):
         assert eventually(lambda: inbox.poll(WALKING).velocity[0] == 0.25)
@@ -188,9 +185,7 @@ def test_the_bridge_steers_and_reads_the_feed_until_the_run_ends(
     assert eventually(lambda: inbox.owner == ""), "it ended with the run"
 
 
-def test_a_bridge_that_fails_or_never_gets_ready_is_reported_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bridge_that_fails_or_hangs_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     failing, hanging = (Ros2Config(arguments=(how,)) for how in ("fail", "hang"))
     with pytest.raises(UserError, match=r": the last line says why$"), bridge(FAKE, tmp_path, None, failing):
         pass

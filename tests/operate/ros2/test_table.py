@@ -22,11 +22,8 @@ def test_names_are_valid_in_ros_unique_and_published_topics_are_in_the_feed() ->
     assert all(map(PARTS.fullmatch, [*topics, *services]))
     assert (len(set(topics)), len(set(services))) == (len(topics), len(services))
     assert {each.feed for each in table.PUBLISHED} <= set(TOPICS)
-
-
-@pytest.mark.parametrize("text", ["trot", "go1-flat", "trot@kp=90", "3 legs", "runs/näher"])
-def test_any_policy_name_becomes_part_of_a_ros_name(text: str) -> None:
-    assert PARTS.fullmatch(f"/{in_name(text)}")
+    for policy in ("trot", "go1-flat", "trot@kp=90", "3 legs", "runs/näher"):
+        assert PARTS.fullmatch(f"/{in_name(policy)}")
 
 
 def test_a_throttle_keeps_the_mean_rate() -> None:
