@@ -19,14 +19,11 @@ def walk(distance_m: float, error_m: float, **more: Any) -> dict[str, Any]:
     return named | figures | more
 
 
-def test_errors_are_compared_after_the_same_distance() -> None:
+def test_errors_are_compared_after_the_same_distance_which_most_walks_reached() -> None:
     distance, (low, middle, high) = drift_over_distance([walk(2.0, 0.2), walk(1.0, 0.3)])
     at = round(0.5 / STEP_M)
     assert distance[at] == pytest.approx(0.5)
     assert (low[at], middle[at], high[at]) == pytest.approx((0.055, 0.1, 0.145))  # of 0.05 and 0.15 m
-
-
-def test_distances_that_most_walks_did_not_reach_are_left_out() -> None:
     distance, _ = drift_over_distance([walk(9.0, 0.1), walk(2.0, 0.1), walk(1.0, 0.1)])
     assert 1.9 < distance[-1] < 2.0
 

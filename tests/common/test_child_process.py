@@ -37,13 +37,10 @@ def test_a_script_without_a_main_guard_is_refused_with_advice(tmp_path: Path) ->
     )
 
 
-def test_a_call_that_ends_returns_none_or_its_error() -> None:
+def test_a_call_returns_none_or_its_error_and_is_a_timeout_if_it_does_not_end() -> None:
     wrong = OSError("full")
     assert call_in_time(lambda: None) is None
     assert call_in_time(Mock(side_effect=wrong)) is wrong
-
-
-def test_a_call_that_does_not_end_is_a_timeout() -> None:
     caller, began, ended = [], threading.Event(), threading.Event()
 
     def wait() -> None:

@@ -44,37 +44,22 @@ class FakeBody:
         return Truth(**values)
 
 
-def fake_loop() -> Any:
-    """The part of a control loop that a trial uses. A robot that fell neither stops nor lies down first."""
-    return SimpleNamespace(
-        state=SimpleNamespace(mode=Mode.WALKING),
-        walking_s=0.0,
-        estimate=(np.array([7.0, 8.0, 9.0]), 0.31),
-        requested_command=np.array([0.1, 0.2, 0.3]),
-        target=np.array([5.0]),
-        finish=Mock(),
-    )
-
-
-OUTCOME = SessionResult(
-    final_state="IDLE",
-    faults=(),
-    walked_s=1.0,
-    run_s=2.0,
-    wall_s=3.0,
-    compute_ms=np.zeros(1),
-    timing={},
-    buses=(BusStatistics("can0"),),
-    notes=("a loop's note",),
-    recoveries=(),
-    missing_in_log="",
-)
+ENDED = {"final_state": "IDLE", "faults": (), "recoveries": (), "missing_in_log": ""}
+TIMES = {"walked_s": 1.0, "run_s": 2.0, "wall_s": 3.0, "compute_ms": np.zeros(1), "timing": {}}
+OUTCOME = SessionResult(**ENDED, **TIMES, buses=(BusStatistics("can0"),), notes=("a loop's note",))
 
 
 def trial_of(go1: Robot, watch: Any = None, **episode: Any) -> tuple[Trial, FakeBody, Any]:
-    body = FakeBody()
+    """A trial, and the parts of its robot and control loop that it uses.
+
+    A robot that fell neither stops nor lies down first.
+    """
     settings = Episode(command_source=lambda _: np.zeros(3), duration_s=1.0, **episode)
-    return Trial(go1, body, settings, watch), body, fake_loop()  # type: ignore[arg-type]
+    orders = {"requested_command": np.array([0.1, 0.2, 0.3]), "target": np.array([5.0]), "finish": Mock()}
+    walking = {"state": SimpleNamespace(mode=Mode.WALKING), "walking_s": 0.0}
+    loop = SimpleNamespace(**orders, **walking, estimate=(np.array([7.0, 8.0, 9.0]), 0.31))
+    body = FakeBody()
+    return Trial(go1, body, settings, watch), body, loop  # type: ignore[arg-type]
 
 
 def test_a_trial_records_at_the_record_rate_while_the_robot_walks(go1: Robot) -> None:

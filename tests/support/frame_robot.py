@@ -49,7 +49,8 @@ class FrameRobot:
         if not self.imu_silent:
             self._count += 1
             reading = imu.Inertial(self.gyro, self.acceleration, self.quaternion)
-            batches.append(imu_frames(self.wiring, reading, self._count))
+            channel, data = np.full(3, self.wiring.imu_channel), imu.encode(reading, self._count)
+            batches.append(Frames(channel, np.array(imu.IDS), data, np.full(3, 8)))
         return batches
 
     def fault(self) -> str:
@@ -65,11 +66,6 @@ class FrameRobot:
 
     def command(self) -> JointCommand:
         return JointCommand(*self.sent[-1][1].values)
-
-
-def imu_frames(wiring: Wiring, reading: imu.Inertial, counter: int) -> Frames:
-    channel = np.full(3, wiring.imu_channel)
-    return Frames(channel, np.array(imu.IDS), imu.encode(reading, counter), np.full(3, 8))
 
 
 class Ticks:

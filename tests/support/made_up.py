@@ -81,32 +81,22 @@ def _declaration(legs: Sequence[Leg]) -> dict:
         "friction_speed_rad_s": 0.3, "gear_ratio": 9.0, "torque_constant_nm_a": 0.1,
         "winding_resistance_ohm": 0.2, "protocol": "AK70-10",
     }  # fmt: skip
-    return {
-        "name": "made_up",
-        "model": "robot.xml",
-        "base": "box",
-        "imu": "imu",
-        "standing_height_m": 1.0,
-        "gains": {"natural_frequency_hz": 8.0, "damping_ratio": 1.0, "torque_share": 0.3},
-        "soft_limit_factor": 0.98,
-        "target_rate_rad_s": 20.0,
-        "motors": {"motor": motor},
-        "joints": [
-            dict(name=f"{leg.name}{k}", motor="motor", default_rad=hinge.default, bus=leg.name, id=k + 1)
-            for leg in legs
-            for k, hinge in enumerate(leg.hinges)
-        ],
-        "feet": [
-            {
-                "name": leg.name,
-                "geoms": [f"{leg.name}_foot{k}" for k in range(len(leg.foot))],
-                "joints": [f"{leg.name}{k}" for k in range(len(leg.hinges))],
-            }
-            for leg in legs
-        ],
-        "imu_bus": "imu",
-        "commands": {"forward_m_s": [-0.4, 0.5], "leftward_m_s": [-0.2, 0.2], "yaw_rad_s": [-0.6, 0.6]},
-    }
+    joints = [
+        dict(name=f"{leg.name}{k}", motor="motor", default_rad=hinge.default, bus=leg.name, id=k + 1)
+        for leg in legs
+        for k, hinge in enumerate(leg.hinges)
+    ]
+    feet = []
+    for leg in legs:
+        geoms = [f"{leg.name}_foot{k}" for k in range(len(leg.foot))]
+        of_leg = [f"{leg.name}{k}" for k in range(len(leg.hinges))]
+        feet.append({"name": leg.name, "geoms": geoms, "joints": of_leg})
+    base = {"name": "made_up", "model": "robot.xml", "base": "box", "imu": "imu", "imu_bus": "imu"}
+    gains = {"natural_frequency_hz": 8.0, "damping_ratio": 1.0, "torque_share": 0.3}
+    limits = {"standing_height_m": 1.0, "soft_limit_factor": 0.98, "target_rate_rad_s": 20.0}
+    commands = {"forward_m_s": [-0.4, 0.5], "leftward_m_s": [-0.2, 0.2], "yaw_rad_s": [-0.6, 0.6]}
+    parts = {"motors": {"motor": motor}, "joints": joints, "feet": feet}
+    return base | limits | parts | {"gains": gains, "commands": commands}
 
 
 ROLL, PITCH, YAW = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

@@ -3,8 +3,6 @@
 import socket
 import time
 
-TIMEOUT_S = 120.0
-
 
 def free_port() -> int:
     """A port without a listener."""
@@ -19,8 +17,8 @@ def listens(port: int) -> bool:
 
 
 def wait_until_served(port: int, served: bool = True) -> None:
-    """Wait until a server is there, or gone."""
-    end = time.monotonic() + TIMEOUT_S
+    """Wait at most 120 s until a server is there, or gone."""
+    end = time.monotonic() + 120.0
     while listens(port) is not served:
         assert time.monotonic() < end
         time.sleep(0.05)

@@ -23,13 +23,12 @@ WALKING = Status(
     applied=Applied("wave", {"step_height_m": 0.05, "body_height_m": 0.25}),
 )
 LIMITS = Limits(CommandRange((-0.5, 1.0), (-0.3, 0.3), (-0.8, 0.8)), min_norm=0.1)
-ZERO_LIMITS = Limits(CommandRange((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)))
 
 
 def abilities(policy: str) -> Abilities:
     """`stand` goes nowhere; every other policy walks within `LIMITS`."""
     if policy == "stand":
-        return Abilities(ZERO_LIMITS, OFFER._replace(gaits=(), settings={}))
+        return Abilities(Limits(CommandRange(*[(0.0, 0.0)] * 3)), OFFER._replace(gaits=(), settings={}))
     return Abilities(LIMITS, OFFER)
 
 

@@ -1,4 +1,4 @@
-"""Robots are data: no code names a robot or a joint, except the default robot."""
+"""Robots are data: no code names a robot or a joint, except the default robot. Code files are small."""
 
 import ast
 import re
@@ -44,3 +44,12 @@ def test_no_code_names_a_robot_that_ships_or_one_of_its_joints(room: str) -> Non
 
 def test_the_default_robot_ships() -> None:
     assert DEFAULT_ROBOT in available_robots()
+
+
+def test_no_file_of_code_outside_the_tests_is_longer_than_300_lines() -> None:
+    folders = [path for path in ROOT.iterdir() if path.is_dir() and path.name[0] != "."]
+    others = {"tests", "build", "dist", "shared", "runs"}
+    files = [path for folder in folders if folder.name not in others for path in folder.rglob("*.py")]
+    assert files
+    lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in files}
+    assert {str(path.relative_to(ROOT)): count for path, count in lines.items() if count > 300} == {}
