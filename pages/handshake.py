@@ -3,7 +3,7 @@
 viser 1.1 accepts a WebSocket from any page that the visitor has open, so that any web site could move the
 robot on the page. It has no hook for its handshake and none for its page. Therefore this module replaces the
 function with which viser starts its server. Remove it when viser compares Origin with Host (then
-`tests/pages/test_handshake.py` passes without it) and has settings for title and colour scheme.
+`tests/pages/test_page.py` passes without it) and has settings for title and colour scheme.
 """
 
 import socket

@@ -14,13 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from traces import walk
 
+from footfall import Push, Robot, Trace
 from footfall.evaluate.plan import CommandSchedule, EpisodePlan
 from footfall.evaluate.report import course_plots, learning_curves, scenario_plots, svg
 from footfall.evaluate.report.course_plots import Walk
 from footfall.evaluate.report.svg import Panel, Reading
-from footfall.plant.episode import Push
-from footfall.plant.trace import Trace
-from footfall.robots.description import Robot
 
 PLAN = EpisodePlan(
     scenario="course", index=0, seed=0, duration_s=6.0,
@@ -124,10 +122,8 @@ def test_the_command_is_a_staircase_and_each_policy_a_line(drawn: list[Axes]) ->
             x, y = points(panel, colour)
             assert (x[0], x[-1]) == (0.0, pytest.approx(seconds - 0.01))
             assert y[150] == pytest.approx((0.5, -0.2, 0.15)[axis], abs=2e-3)
-        assert [np.asarray(line.get_xdata())[0] for line in lines(panel, svg.INK)[1:]] == [
-            1.5,
-            4.25,
-        ]  # pushes
+        pushes_s = [np.asarray(line.get_xdata())[0] for line in lines(panel, svg.INK)[1:]]
+        assert pushes_s == [1.5, 4.25]
 
 
 class TestGait:
@@ -142,11 +138,9 @@ class TestGait:
 
     def test_bars_begin_and_end_at_contact(self) -> None:
         for contact, bars in (
-            ([1, 1, 1, 1], [(0.0, 0.4)]),
-            ([1, 0, 1, 0], [(0.0, 0.1), (0.2, 0.1)]),
-            ([0, 0, 0, 0], []),
+            ([1, 1, 1, 1], [(0.0, 0.4)]), ([1, 0, 1, 0], [(0.0, 0.1), (0.2, 0.1)]), ([0, 0, 0, 0], []),
             ([1], [(0.0, 0.0)]),  # one sample is no stretch of time
-        ):
+        ):  # fmt: skip
             found = course_plots.contact_bars(np.arange(len(contact)) / 10.0, np.array(contact, dtype=bool))
             np.testing.assert_allclose(np.reshape(found, (-1, 2)), np.reshape(bars, (-1, 2)), atol=1e-12)
 

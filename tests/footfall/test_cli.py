@@ -12,8 +12,7 @@ import pytest
 from recorder import Recorder
 from shell import Shell
 
-from footfall import cli
-from footfall.common.errors import UserError
+from footfall import UserError, cli
 from footfall.confirm import confirm
 from footfall.machine import Finding
 
@@ -106,27 +105,20 @@ def test_doctor_shows_problems_and_remedies(shell: Shell, called: Recorder) -> N
         assert text in line
 
 
-class TestConfirm:
-    def asked(self, answer: str | None, terminal: bool, yes: bool = False) -> list[Any]:
+def test_only_a_typed_yes_or_the_option_confirms() -> None:
+    def asked(answer: str | None, terminal: bool, yes: bool = False) -> list[Any]:
         """The questions asked for a confirmation; None ends the input."""
         answered = Mock(side_effect=EOFError if answer is None else [answer])
         with patch("sys.stdin.isatty", lambda: terminal), patch("builtins.input", answered):
             confirm("shall it move?", yes=yes)
         return answered.call_args_list
 
-    def test_yes_in_any_case_is_a_yes(self) -> None:
-        for answer in ("y", "yes", "Y", "YES", " yes "):
-            assert self.asked(answer, terminal=True) == [call("shall it move? [y/N] ")]
-
-    def test_with_yes_no_question_is_asked(self) -> None:
-        for terminal in (True, False):
-            assert self.asked("n", terminal, yes=True) == []
-
-    def test_any_other_answer_and_the_end_of_the_input_are_a_no(self) -> None:
-        for answer in ("", "n", "yep", None):
-            with pytest.raises(UserError):
-                self.asked(answer, terminal=True)
-
-    def test_without_a_terminal_a_question_is_refused(self) -> None:
-        with pytest.raises(UserError, match="--yes"):
-            self.asked("y", terminal=False)
+    for answer in ("y", "yes", "Y", "YES", " yes "):
+        assert asked(answer, terminal=True) == [call("shall it move? [y/N] ")]
+    for terminal in (True, False):
+        assert asked("n", terminal, yes=True) == []
+    for no in ("", "n", "yep", None):
+        with pytest.raises(UserError):
+            asked(no, terminal=True)
+    with pytest.raises(UserError, match="--yes"):
+        asked("y", terminal=False)

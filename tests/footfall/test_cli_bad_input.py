@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from edited import edit
 from shell import Shell
+from tiny_policy import write_policy
 
 from footfall.robots.description import ROBOTS
 from footfall.train.config import PRESETS
@@ -104,20 +105,12 @@ def test_what_cannot_be_done_is_refused_by_name(shell: Shell, row: str) -> None:
         assert words in complaint
 
 
-def test_an_empty_argument_is_refused(shell: Shell) -> None:
-    assert "footfall train --help" in shell.refuses("train", "--out", "")
-
-
 def test_files_with_garbage_are_refused(shell: Shell, tmp_path: Path) -> None:
     for command, file in (
-        ("deploy", "walk.onnx"),
-        ("evaluate", "walk.onnx"),
-        ("deploy stand --plant", "plant.xml"),
-        ("evaluate stand --plant", "plant.xml"),
-        ("replay", "log.mcap"),
-        ("train --preset", "preset.yaml"),
+        ("deploy", "walk.onnx"), ("deploy stand --plant", "plant.xml"), ("replay", "log.mcap"),
+        ("evaluate", "walk.onnx"), ("evaluate stand --plant", "plant.xml"), ("train --preset", "preset.yaml"),
         ("deploy stand --config", "loop.yaml"),
-    ):
+    ):  # fmt: skip
         for content in (b"garbage\n", bytes(range(256)), b"{[<mujoco>"):
             (tmp_path / file).write_bytes(content)
             assert file in shell.refuses(*command.split(), tmp_path / file)
@@ -181,18 +174,16 @@ def test_outputs_that_cannot_be_written_are_refused(shell: Shell, tmp_path: Path
     (tmp_path / "file").touch()
     (tmp_path / "out").mkdir()
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    assert "footfall train --help" in shell.refuses("train", "--out", "")
+    same = tmp_path / "twice"
+    assert str(same) in shell.refuses("deploy", "stand", "--json", same, "--log", same)
+    assert not same.exists()
     places = [tmp_path / place for place in ("absent/out", "out", "file/out", "loop")]
     commands = [f"{verb} --json" for verb in ("deploy stand", "evaluate stand", "compare stand trot")]
     commands += ["deploy stand --log", "compare stand trot --html", "export run --out"]
     for command, place in itertools.product(commands, [*places, Path("/proc/out")]):
         complaint = shell.refuses(*command.split(), place)
         assert str(place) in complaint or str(place.parent) in complaint
-
-
-def test_two_outputs_with_one_name_are_refused(shell: Shell, tmp_path: Path) -> None:
-    same = tmp_path / "out"
-    assert str(same) in shell.refuses("deploy", "stand", "--json", same, "--log", same)
-    assert not same.exists()
 
 
 @pytest.mark.skipif(not hasattr(socket, "AF_CAN"), reason="no SocketCAN on this system")
@@ -202,21 +193,15 @@ def test_missing_can_interfaces_are_refused(shell: Shell) -> None:
     assert "can0" in shell.refuses("deploy", "stand", "--bus", "socketcan")
 
 
-def test_the_policy_of_another_robot_is_refused(shell: Shell, own_folder: Path, tmp_path: Path) -> None:
+def test_policies_without_a_contract_or_of_another_robot_are_refused(
+    shell: Shell, own_folder: Path, tmp_path: Path
+) -> None:
     """The message names the field of the contract that does not fit."""
     onnx = pytest.importorskip("onnx")
-    from tiny_policy import write_policy
-
+    bare = write_policy(onnx, tmp_path / "bare.onnx", ROBOTS / "go1", contract=False)
+    assert "bare.onnx" in shell.refuses("deploy", bare)
     walk = write_policy(onnx, tmp_path / "walk.onnx", ROBOTS / "go1")
     edit(own_folder, "robot.yaml", "default_rad: 0.9", "default_rad: 0.8")
     complaint = shell.refuses("deploy", walk, "--robot", own_folder)
     assert "walk.onnx" in complaint
     assert "default_pose_rad" in complaint
-
-
-def test_an_onnx_file_without_a_contract_is_refused(shell: Shell, tmp_path: Path) -> None:
-    onnx = pytest.importorskip("onnx")
-    from tiny_policy import write_policy
-
-    bare = write_policy(onnx, tmp_path / "bare.onnx", ROBOTS / "go1", contract=False)
-    assert "bare.onnx" in shell.refuses("deploy", bare)

@@ -81,9 +81,8 @@ class TestVirtual:
     @pytest.fixture(autouse=True)
     def turns(self, monkeypatch: pytest.MonkeyPatch) -> None:
         turns = Turns()
-        monkeypatch.setattr(bench, "WallClock", partial(TurnsClock, turns.ask))
-        monkeypatch.setattr(scan, "WallClock", partial(TurnsClock, turns.ask))
-        monkeypatch.setattr(serve, "WallClock", partial(TurnsClock, turns.live))
+        for module, turn in ((bench, turns.ask), (scan, turns.ask), (serve, turns.live)):
+            monkeypatch.setattr(module, "WallClock", partial(TurnsClock, turn))
         # With wall-clock time stamps, frames would be too old whenever a busy machine delays a thread.
         monkeypatch.setattr(serve, "not_before", lambda frames, time_us: frames)
 
@@ -110,10 +109,9 @@ class TestVirtual:
         self, shell: Shell, own_folder: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         for protocol, code, message in (
-            ("ODrive", odrive.WATCHDOG, "timeout"),
-            ("DM8009", 8, "over-voltage"),
+            ("ODrive", odrive.WATCHDOG, "timeout"), ("DM8009", 8, "over-voltage"),
             ("RS03", robstride.REPORTED + 14, "stall overload"),
-        ):
+        ):  # fmt: skip
             inject(monkeypatch, "latched", code)
             with content_of(own_folder / "robot.yaml") as content:
                 content["motors"]["knee"]["protocol"] = protocol
@@ -131,13 +129,10 @@ def test_refusals_name_their_cause(shell: Shell) -> None:
         assert "--yes" in shell.refuses("can", verb, "--bus", "virtual")
         for wrong in (("--joint", "tail"), ("--robot", "rex")):  # named before the question
             assert f"'{wrong[1]}'" in shell.refuses("can", verb, "--bus", "virtual", *wrong)
-    for options, named in (
-        ("--bus nonsense", "'nonsense'"),
-        ("--bus serial", "'can0'"),
-        ("--bus virtual --robot rex", "'rex'"),
-    ):
+    rows = (("nonsense", "'nonsense'"), ("serial", "'can0'"), ("virtual --robot rex", "'rex'"))
+    for bus, named in rows:
         for verb in ("scan", "monitor", "enable --yes", "zero --yes", "clear --yes"):
-            assert named in shell.refuses("can", *verb.split(), *options.split())
+            assert named in shell.refuses("can", *verb.split(), "--bus", *bus.split())
     complaint = shell.refuses("can", "monitor", "--bus", "virtual", "--joint", "tail")
     assert "'tail'" in complaint
     assert "FR_hip_joint" in complaint

@@ -1,10 +1,11 @@
-"""`footfall deploy`: options, exit status, figures and files."""
+"""`footfall deploy` and `footfall bring-up`: options, questions, exit status, figures and files."""
 
 import json
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -15,9 +16,12 @@ from shell import Shell
 from tiny_policy import write_policy
 from walking_run import WALKING
 
+from footfall.deploy.bring_up.steps import STEPS, Setting, Step, Verdict
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.recovery import Recovered
+from footfall.deploy.session import SessionResult
 from footfall.robots.description import Robot
+from footfall.verbs import bring_up
 
 SHORT = ("--duration", "0.6")
 
@@ -48,9 +52,7 @@ def ran(**changes: Any) -> Any:
 
 
 class TestOptions:
-    OPTIONS = (
-        "--command -100,99.5,100 --duration 1.25 --seed 9 --log run.mcap --json run.json --config loop.yaml"
-    )
+    OPTIONS = "--command -100,99.5,100 --duration 1.25 --seed 9 --log a.mcap --json a.json --config a.yaml"
 
     def test_scans_that_no_policy_reads_are_refused(
         self, shell: Shell, called: Recorder, monkeypatch: pytest.MonkeyPatch
@@ -64,7 +66,7 @@ class TestOptions:
         assert shell("deploy", "go1-flat", "--height-scan", "off").status == 0
 
     def test_options_reach_the_simulation(self, shell: Shell, called: Recorder, go1: Robot) -> None:
-        Path("loop.yaml").write_text("joint_rate_hz: 1000.0")
+        Path("a.yaml").write_text("joint_rate_hz: 1000.0")
         called.replace("footfall.plant.episode.run_episode", ran())
         more = ("--plant", str(go1.xml_path), "--ground-truth", "--realtime")
         outcome = shell("deploy", "trot", *self.OPTIONS.split(), *more)
@@ -74,10 +76,10 @@ class TestOptions:
         assert episode.command_source.poll(WALKING).velocity.tolist() == [-100.0, 99.5, 100.0]
         assert (episode.duration_s, episode.seed, episode.plant) == (1.25, 9, go1.xml_path)
         assert (episode.ground_truth, episode.realtime, episode.record) == (True, True, False)
-        assert (episode.log, episode.policy_spec) == (Path("run.mcap"), "trot")
+        assert (episode.log, episode.policy_spec) == (Path("a.mcap"), "trot")
         assert episode.config == DeployConfig(joint_rate_hz=1000.0)
         assert (episode.noise, episode.pushes, episode.sample) == (None, (), None)
-        result = json.loads(Path("run.json").read_text())
+        result = json.loads(Path("a.json").read_text())
         assert result["settings"]["gait"]["name"] == "trot"
         assert result.items() >= {
             "policy": "trot", "robot": "go1", "bus": "sim", "seed": 9, "duration_s": 1.25, "walked_s": 1.5,
@@ -124,18 +126,96 @@ class TestOptions:
         called.replace("footfall.plant.serve.serving", nullcontext())
         ended = ran(final_state="FALLING", faults=("tilt", "x"))
         called.replace("footfall.deploy.session.run_on_interface", ended)
-        Path("loop.yaml").write_text("stand_s: 2.5")
+        Path("a.yaml").write_text("stand_s: 2.5")
         assert shell("deploy", "stand", "--bus", bus, *self.OPTIONS.split()).status == 1
         (robot, policy, where, session), _ = called.of("run_on_interface")
         assert (robot.name, policy.name, where) == ("go1", "stand", bus)
         assert session.command_source.poll(WALKING).velocity.tolist() == [-100.0, 99.5, 100.0]
-        assert (session.duration_s, session.log, session.lie_down) == (1.25, Path("run.mcap"), True)
+        assert (session.duration_s, session.log, session.lie_down) == (1.25, Path("a.mcap"), True)
         assert session.facts == {"seed": 9, "policy_spec": "stand", "bus": bus, "plant": None}
         assert session.config == DeployConfig(stand_s=2.5, odometry=True)  # for the log
         assert ("serving" in called.names) is (bus == "virtual")
-        figures = json.loads(Path("run.json").read_text())
+        figures = json.loads(Path("a.json").read_text())
         assert (figures["bus"], figures["fell"], figures["fall_reason"]) == (bus, True, "tilt")
         assert (figures["distance_m"], figures["mean_velocity_m_s"]) == (None, [None] * 3)
         called.calls.clear()
         shell("deploy", "stand", "--bus", bus, "--no-lie-down")
         assert called.of("run_on_interface")[0][3].lie_down is False
+
+
+Run = tuple[str, Setting, str]
+
+
+@pytest.fixture
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[Run]:
+    """Each step that was run, its setting and its bus; `stand` fails below half of the torque."""
+    given: list[Run] = []
+
+    def run_step(step: Step, setting: Setting, bus: str) -> Verdict:
+        given.append((step.name, setting, bus))
+        fails = step.name == "stand" and setting.deploy.scale < 0.5
+        result = SessionResult("IDLE", (), 1.0, 2.5, 3.0, np.zeros(1), {}, (), ("a note",), (), "")
+        return Verdict(step.name, ("the robot is tilted", "a foot hangs") if fails else (), result)
+
+    monkeypatch.setattr(bring_up, "_run_step", run_step)
+    return given
+
+
+def test_the_default_is_all_steps_of_go1_in_simulation(shell: Shell, runs: list[Run]) -> None:
+    done = shell("bring-up", "stand", "--json", "a.json")
+    assert (done.status, done.err) == (0, "")
+    assert done.out.splitlines() == [f"{step.name}: {step.about}: passed" for step in STEPS]
+    assert [(step, bus) for step, _, bus in runs] == [(step.name, "sim") for step in STEPS]
+    setting = runs[0][1]
+    assert (setting.robot.name, setting.policy.name, setting.realtime) == ("go1", "stand", False)
+    written = json.loads(Path("a.json").read_text())
+    assert written.items() >= {"robot": "go1", "bus": "sim", "scale": 0.5}.items()
+
+
+def test_robot_policy_bus_and_loop_can_be_chosen(shell: Shell, runs: list[Run]) -> None:
+    Path("loop.yaml").write_text("stand_s: 2.5")
+    options = ("--robot", "hexapod", "--bus", "slcan", "--yes", "--config", "loop.yaml", "--json", "a.json")
+    assert shell("bring-up", "tripod", "--steps", "walk", "--scale", "0.7", *options).status == 0
+    ((step, setting, bus),) = runs
+    assert (step, bus, setting.realtime) == ("walk", "slcan", True)
+    assert (setting.robot.name, setting.policy.name) == ("hexapod", "tripod")
+    assert (setting.deploy.stand_s, setting.deploy.scale) == (2.5, 0.7)
+    written = json.loads(Path("a.json").read_text())
+    assert written.items() >= {"robot": "hexapod", "bus": "slcan", "scale": 0.7}.items()
+
+
+def test_steps_run_in_their_own_order(shell: Shell, runs: list[Run]) -> None:
+    """The robot does not walk before all other requested steps have passed."""
+    for typed in ("walk,hold,legs", "legs,hold,walk", "hold,walk,hold,legs"):
+        runs.clear()
+        assert shell("bring-up", "stand", "--steps", typed).status == 0
+        assert [step for step, *_ in runs] == ["hold", "legs", "walk"]
+
+
+def test_no_step_runs_after_a_failed_step(shell: Shell, runs: list[Run]) -> None:
+    done = shell("bring-up", "stand", "--scale", "0.25", "--json", "a.json")
+    steps = [step for step, *_ in runs]
+    assert (done.status, steps) == (1, ["hold", "joints", "legs", "wiring", "stand"])
+    assert {"the robot is tilted", "a foot hangs"} <= {line.strip(" -") for line in done.out.splitlines()}
+    results = json.loads(Path("a.json").read_text())["steps"]
+    assert [(each["step"], each["passed"]) for each in results] == [(step, step != "stand") for step in steps]
+    assert results[-1] == {
+        "step": "stand", "passed": False, "findings": ["the robot is tilted", "a foot hangs"],
+        "final_state": "IDLE", "run_s": 2.5, "notes": ["a note"],
+    }  # fmt: skip
+
+
+def test_a_biped_skips_the_step_that_needs_three_feet(shell: Shell, runs: list[Run]) -> None:
+    done = shell("bring-up", "stand", "--robot", "g1", "--steps", "shift,walk")
+    assert (done.status, [step for step, *_ in runs]) == (0, ["walk"])
+    assert done.out.startswith("shift: skipped")
+
+
+def test_each_step_is_confirmed(shell: Shell, runs: list[Run], monkeypatch: pytest.MonkeyPatch) -> None:
+    answered = Mock(side_effect=["y", "Yes", ""])
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", answered)
+    assert shell("bring-up", "stand", "--bus", "virtual", "--steps", "hold,legs,walk").status == 2
+    assert [step for step, *_ in runs] == ["hold", "legs"]
+    hangs = ["air" in asked.args[0] for asked in answered.call_args_list]
+    assert hangs == [True, True, False]

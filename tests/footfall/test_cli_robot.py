@@ -11,12 +11,11 @@ from changed_robots import described
 from recorder import Recorder
 from shell import Shell
 
-from footfall import robot_check
+from footfall import Robot, robot_check
 from footfall.domain_rand.randomisation import default_ranges
 from footfall.plant.lying import LyingResult, find_lying_pose
 from footfall.plant.standing import StandingResult
 from footfall.policies.gaits import gaits_of
-from footfall.robots.description import Robot
 
 # A standing test without findings.
 STOOD = StandingResult(
@@ -47,6 +46,9 @@ def test_findings_of_a_standing_test(go1: Robot) -> None:
 
 def test_gains_beyond_the_frames_range_are_reported_by_joint(go1: Robot) -> None:
     assert list(robot_check.gains_beyond_frames(go1)) == []
+    incomplete: Any = SimpleNamespace(description=go1.description, kp=go1.kp[:-1], kd=go1.kd)
+    with pytest.raises(ValueError, match="shorter"):  # rather than no finding for the last joint
+        list(robot_check.gains_beyond_frames(incomplete))
     for gain, limit in (("kp", 500.0), ("kd", 5.0)):
         gains = {"kp": go1.kp.copy(), "kd": go1.kd.copy()}
         gains[gain][[5, 7]] = limit + 0.5, limit
@@ -56,37 +58,29 @@ def test_gains_beyond_the_frames_range_are_reported_by_joint(go1: Robot) -> None
         assert f"{gain} is {limit + 0.5:.3g}" in found
 
 
-class TestCheck:
-    @pytest.fixture
-    def found(self, called: Recorder) -> list[str]:
-        """Result of the inspection; nothing is simulated, and every test passes."""
-        found: list[str] = []
-        figures = {"links": [], "feet": [], "margin_m": 0.1, "mass_kg": 1.0, "centre_m": np.zeros(3)}
-        looked = SimpleNamespace(**figures, findings=lambda **_: iter(found))
-        called.replace("footfall.robots.inspection.inspect_robot", looked)
-        called.replace("footfall.plant.standing.standing_test", STOOD)
-        called.replace("footfall.plant.lying.lying_test", LyingResult("", 0.0, 0.1))
-        called.replace("footfall.plant.walking.controllers_test", [])
-        return found
-
-    def test_anything_wrong_is_status_1(self, shell: Shell, found: list[str], called: Recorder) -> None:
-        assert shell("robot", "check", "go1", "--duration", "2.5", "--seed", "9").status == 0
-        found.append("a foot is missing")
-        outcome = shell("robot", "check", "go1")
-        assert (outcome.status, "a foot is missing" in outcome.out) == (1, True)
-        found.clear()
-        called.replace("footfall.plant.lying.lying_test", LyingResult("it fell over", 0.0, 1.5))
-        outcome = shell("robot", "check", "go1")
-        assert (outcome.status, "it fell over" in outcome.out) == (1, True)
-
-    def test_a_robot_without_a_lying_pose_is_not_laid_down(
-        self, shell: Shell, found: list[str], called: Recorder, go1: Robot
-    ) -> None:
-        joints = tuple(replace(joint, lying_rad=None) for joint in go1.description.joints)
-        called.replace("footfall.robots.description.load_robot", described(go1, joints=joints))
-        outcome = shell("robot", "check", "mine")
-        assert "lying_test" not in called.names
-        assert (outcome.status, "lying_rad" in outcome.out) == (0, True)
+def test_anything_wrong_is_status_1(shell: Shell, called: Recorder, go1: Robot) -> None:
+    """Nothing is simulated. At first every test passes; a robot without a lying pose is not laid down."""
+    found: list[str] = []
+    figures = {"links": [], "feet": [], "margin_m": 0.1, "mass_kg": 1.0, "centre_m": np.zeros(3)}
+    looked = SimpleNamespace(**figures, findings=lambda **_: iter(found))
+    called.replace("footfall.robots.inspection.inspect_robot", looked)
+    called.replace("footfall.plant.standing.standing_test", STOOD)
+    called.replace("footfall.plant.lying.lying_test", LyingResult("", 0.0, 0.1))
+    called.replace("footfall.plant.walking.controllers_test", [])
+    joints = tuple(replace(joint, lying_rad=None) for joint in go1.description.joints)
+    called.replace("footfall.robots.description.load_robot", described(go1, joints=joints))
+    outcome = shell("robot", "check", "mine")
+    assert "lying_test" not in called.names
+    assert (outcome.status, "lying_rad" in outcome.out) == (0, True)
+    called.replace("footfall.robots.description.load_robot", go1)
+    assert shell("robot", "check", "go1", "--duration", "2.5", "--seed", "9").status == 0
+    found.append("a foot is missing")
+    outcome = shell("robot", "check", "go1")
+    assert (outcome.status, "a foot is missing" in outcome.out) == (1, True)
+    found.clear()
+    called.replace("footfall.plant.lying.lying_test", LyingResult("it fell over", 0.0, 1.5))
+    outcome = shell("robot", "check", "go1")
+    assert (outcome.status, "it fell over" in outcome.out) == (1, True)
 
 
 def test_options_reach_the_import(shell: Shell, called: Recorder, go1: Robot) -> None:

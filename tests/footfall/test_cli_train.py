@@ -8,14 +8,14 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from recorder import Recorder
 from shell import Shell
 
+from footfall import EvaluationConfig, TrainRequest
 from footfall.cli import main
-from footfall.evaluate.config import EvaluationConfig
-from footfall.train.api import TrainRequest
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ class TestOptions:
     """The resulting requests, with a training that only records them."""
 
     @pytest.fixture
-    def trained(self, called: Recorder, tmp_path: Path) -> SimpleNamespace:
+    def trained(self, called: Recorder, tmp_path: Path) -> Any:
         """A training in the run folder `made`, and the calls of its functions."""
         provenance = SimpleNamespace(robot="rex", seed=5)
         run = SimpleNamespace(policy=tmp_path / "policy.onnx", provenance=provenance)
@@ -79,7 +79,7 @@ class TestOptions:
             called.replace(import_path, answer)
         return state
 
-    def test_options_reach_the_request(self, shell: Shell, trained: SimpleNamespace) -> None:
+    def test_options_reach_the_request(self, shell: Shell, trained: Any) -> None:
         options = (
             "--robot", "rex", "--preset", "gpu", "--seed", "4", "--out", "there", "--steps", "1000",
             "--checkpoint-interval", "2.5", "--trainer", "rsl_rl", "--set", "ppo.learning_rate=1e-3",
@@ -92,40 +92,36 @@ class TestOptions:
             assert shell("train", *given).status == 0
             assert trained.called.of("begin") == ((expected,), {})
 
-    def test_the_policy_is_evaluated_with_the_runs_robot_and_seed(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace
-    ) -> None:
+    def test_the_policy_is_evaluated_with_the_runs_robot_and_seed(self, shell: Shell, trained: Any) -> None:
         for tokens, folder in ((["train"], "made"), (["train", "--resume", "mine"], "mine")):
-            called.calls.clear()
+            trained.called.calls.clear()
             assert shell(*tokens).status == 0
-            assert called.of("resume") == ((Path(folder),), {})
-            assert ("begin" in called.names) == (folder == "made")
+            assert trained.called.of("resume") == ((Path(folder),), {})
+            assert ("begin" in trained.called.names) == (folder == "made")
             options = {"json_path": Path(folder) / "evaluation.json"}
             given = (folder, EvaluationConfig("rex", ("gentle",), 5))
-            assert called.of("evaluate_policy") == (given, options)
+            assert trained.called.of("evaluate_policy") == (given, options)
         failed = {"scenarios": {"gentle": {"episodes": 1, "failed_episodes": ["episode 0: no"]}}}
-        called.replace("footfall.evaluate.api.evaluate_policy", failed)
+        trained.called.replace("footfall.evaluate.api.evaluate_policy", failed)
         for tokens in (["train"], ["train", "--resume", "mine"]):
             assert shell(*tokens).status == 1
 
-    def test_a_policy_newer_than_its_evaluation_walks_again(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace
-    ) -> None:
+    def test_a_policy_newer_than_its_evaluation_walks_again(self, shell: Shell, trained: Any) -> None:
         evaluation = Path("made/evaluation.json")
         evaluation.parent.mkdir()
         evaluation.touch()
         os.utime(trained.run.policy, (1000, 1000))
         for older_s, walks in ((5, True), (0, False), (-5, False)):
-            called.calls.clear()
+            trained.called.calls.clear()
             os.utime(evaluation, (1000 - older_s, 1000 - older_s))
             assert shell("train").status == 0
-            assert ("evaluate_policy" in called.names) == walks
+            assert ("evaluate_policy" in trained.called.names) == walks
         assert shell("train", "--no-evaluate").status == 0
         trained.main = False
         assert shell("train").status == 0
-        assert "evaluate_policy" not in called.names
+        assert "evaluate_policy" not in trained.called.names
 
-    def test_settings_of_a_resumed_run_are_refused(self, shell: Shell, trained: SimpleNamespace) -> None:
+    def test_settings_of_a_resumed_run_are_refused(self, shell: Shell, trained: Any) -> None:
         """Settings equal to the defaults are refused, too."""
         settings = "out=x steps=9 checkpoint-interval=3 trainer=brax seed=0 preset=cpu robot=go1"
         for setting in settings.split():
@@ -133,35 +129,30 @@ class TestOptions:
             assert f"--{option}" in shell.refuses("train", "--resume", "run", f"--{option}", value)
         assert trained.called.names == []
 
-    def test_the_first_of_several_processes_serves_and_evaluates(
-        self, shell: Shell, called: Recorder, trained: SimpleNamespace
-    ) -> None:
+    def test_the_first_of_several_processes_serves_and_evaluates(self, shell: Shell, trained: Any) -> None:
         for cluster, joined, trained.main, pages in (
             ("h:1 --processes 2 --process 0", ("h:1", 2, 0), True, ["check_page", "watched"]),
             ("h:1 --processes 2 --process 1", ("h:1", 2, 1), False, []),
             ("auto", ("auto", None, None), True, ["watched"]),
         ):
-            called.calls.clear()
+            trained.called.calls.clear()
             outcome = shell("train", "--watch", "--coordinator", *cluster.split())
             assert outcome.status == 0, outcome.err
-            assert called.of("join") == (joined, {})
-            assert called.names.index("join") < called.names.index("begin")
-            assert "start_device" not in called.names  # before joining, this process must not hold a device
-            assert [name for name in called.names if name in ("check_page", "watched")] == pages
-            assert ("evaluate_policy" in called.names) is trained.main
+            assert trained.called.of("join") == (joined, {})
+            assert trained.called.names.index("join") < trained.called.names.index("begin")
+            assert "start_device" not in trained.called.names  # it would hold a device before joining
+            assert [name for name in trained.called.names if name in ("check_page", "watched")] == pages
+            assert ("evaluate_policy" in trained.called.names) is trained.main
 
-    def test_an_invalid_cluster_is_refused(self, shell: Shell, trained: SimpleNamespace) -> None:
+    def test_an_invalid_cluster_is_refused(self, shell: Shell, trained: Any) -> None:
         for options, named in (
-            ("--coordinator junk --processes 2 --process 0", "HOST:PORT"),
-            ("--coordinator host: --processes 2 --process 0", "HOST:PORT"),
-            ("--coordinator h:0 --processes 2 --process 1", "HOST:PORT"),
-            ("--coordinator host:65536 --processes 2 --process 0", "HOST:PORT"),
+            *((f"--coordinator {host} --processes 2 --process 0", "HOST:PORT")
+              for host in ("junk", "host:", "h:0", "host:65536")),
             ("--coordinator [::1]:12 --processes 2 --process 2", "the last of 2 is 1"),
-            ("--processes 2 --process 1", "--coordinator"),
-            ("--resume mine --process 0", "--coordinator"),
+            ("--processes 2 --process 1", "--coordinator"), ("--resume mine --process 0", "--coordinator"),
             ("--coordinator host:1 --processes 2", "--coordinator"),
             ("--coordinator h:1 --process 0", "--coordinator"),
             ("--coordinator auto --process 0 --processes 2", "--coordinator"),
-        ):
+        ):  # fmt: skip
             assert named in shell.refuses("train", *options.split())
         assert trained.called.names == []

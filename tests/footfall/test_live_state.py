@@ -4,7 +4,6 @@ import io
 import socket
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -67,36 +66,25 @@ def test_on_a_terminal_the_state_is_updated_in_place_and_erased_at_the_end(go1: 
     assert text.rstrip("\n").endswith("\x1b[2K")  # the line has been erased
 
 
-@pytest.fixture
-def manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
-    """A socket in place of systemd's."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(str(tmp_path / "notify"))
-        manager.settimeout(5.0)
-        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-        monkeypatch.setenv("WATCHDOG_USEC", "40000")
-        yield manager
-
-
-def run(heartbeat_s: float) -> Any:
-    return SimpleNamespace(state=State(), battery=BatteryState(charge=0.42), heartbeat_s=heartbeat_s)
-
-
-@pytest.mark.parametrize(("age_s", "alive"), [(0.0, True), (10.0, False)])
-def test_heartbeats_need_a_loop_that_ticks(manager: socket.socket, age_s: float, alive: bool) -> None:
-    with notifying_service_manager(run(time.perf_counter() - age_s)):
-        first, second = manager.recv(1000), manager.recv(1000)
-    assert first == b"READY=1\nSTATUS=IDLE, battery 42%"
-    assert (b"WATCHDOG=1" in second) is alive
-    manager.settimeout(0.0)
-    last = b""
-    with suppress(BlockingIOError):
-        while True:
-            last = manager.recv(1000)
-    assert last.startswith(b"STOPPING=1")
-
-
-def test_without_a_service_manager_nothing_happens(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_heartbeats_need_a_loop_that_ticks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    loop: Any = SimpleNamespace(state=State(), battery=BatteryState(charge=0.42), heartbeat_s=0.0)
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    with notifying_service_manager(run(0.0)):
-        pass
+    with notifying_service_manager(loop):
+        pass  # without a service manager nothing happens
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    monkeypatch.setenv("WATCHDOG_USEC", "40000")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:  # in place of systemd's
+        manager.bind(str(tmp_path / "notify"))
+        for age_s, alive in ((0.0, True), (10.0, False)):
+            manager.settimeout(5.0)
+            loop.heartbeat_s = time.perf_counter() - age_s
+            with notifying_service_manager(loop):
+                first, second = manager.recv(1000), manager.recv(1000)
+            assert first == b"READY=1\nSTATUS=IDLE, battery 42%"
+            assert (b"WATCHDOG=1" in second) is alive
+            manager.settimeout(0.0)
+            last = b""
+            with suppress(BlockingIOError):
+                while True:
+                    last = manager.recv(1000)
+            assert last.startswith(b"STOPPING=1")

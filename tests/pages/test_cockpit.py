@@ -117,13 +117,9 @@ class TestAccess:
         assert page_status(served, f"/?token={served.token}", Host="evil.example")[0] == 403
 
     def test_other_pages_and_tokens_are_refused(self, served: SimpleNamespace) -> None:
-        for wrong in (
-            {"token": ""},
-            {"token": "guess"},
-            {"origin": "http://evil.example"},
-            {"origin": "http://localhost:1"},
-            {"origin": None},
-        ):
+        wrongs = [{"token": token} for token in ("", "guess")]
+        wrongs += [{"origin": origin} for origin in ("http://evil.example", "http://localhost:1", None)]
+        for wrong in wrongs:
             with pytest.raises(InvalidStatus) as caught:
                 steering(served, **wrong)
             assert caught.value.response.status_code == 403
@@ -156,16 +152,11 @@ class TestCommands:
         for message in (
             {"number": 1, "answer": visitor.challenge},
             {"number": 99, "answer": visitor.challenge + 1},
-            {"number": 99, "answer": str(visitor.challenge)},
-            {"number": None},
-            {"do": "reset"},
-            {"do": ["put"]},
-            {"velocity": [1.0]},
-            {"velocity": "fast"},
-            {"velocity": [0.1, float("nan"), 0.0]},
-            {"gait": {"a": 1}},
-            {"settings": [1]},
-        ):
+            {"number": 99, "answer": str(visitor.challenge)}, {"number": None},
+            {"do": "reset"}, {"do": ["put"]},
+            {"velocity": [1.0]}, {"velocity": "fast"}, {"velocity": [0.1, float("nan"), 0.0]},
+            {"gait": {"a": 1}}, {"settings": [1]},
+        ):  # fmt: skip
             visitor.receive_state()
             visitor.send(**({"do": "put", "velocity": [0.9, 0.0, 0.0]} | message))
             assert visitor.refusal()
@@ -203,24 +194,10 @@ def test_a_command_with_a_long_transport_time_is_refused() -> None:
     assert fresh.round_trip_s == 0.0
 
 
-@pytest.fixture
-def opened(go1: Robot, tmp_path: Path) -> Iterator[SimpleNamespace]:
-    """The cockpit of a run that walks, in a browser that has control."""
-    if chromium() is None:
-        pytest.skip("needs Chromium")
-    inbox = Inbox(InboxConfig(lie_down_after_s=600.0))
+@pytest.mark.skipif(chromium() is None, reason="needs Chromium")
+def test_a_motion_lasts_as_long_as_its_key_is_held(go1: Robot, tmp_path: Path) -> None:
+    inbox, key = Inbox(InboxConfig(lie_down_after_s=600.0)), {"code": "KeyW", "key": "w"}
     inbox.poll(WALKING)
-    others = multiprocessing.active_children()
-    with serving(go1, tmp_path / "feed", inbox) as served, tab(tmp_path / "profile", 400, 800) as page:
-        page.go(served.address)
-        page.wait_for(lambda page: bool(page.value("!document.getElementById('take').disabled")))
-        page.wait_for(lambda page: bool(inbox.owner or page.value("document.getElementById('take').click()")))
-        (server,) = set(multiprocessing.active_children()) - set(others)
-        yield SimpleNamespace(page=page, inbox=inbox, server=server.pid)
-
-
-def test_a_motion_lasts_as_long_as_its_key_is_held(opened: SimpleNamespace) -> None:
-    page, inbox, key = opened.page, opened.inbox, {"code": "KeyW", "key": "w"}
 
     def moves() -> bool:
         return bool(inbox.poll(WALKING).velocity[0] > 0.0)
@@ -232,29 +209,35 @@ def test_a_motion_lasts_as_long_as_its_key_is_held(opened: SimpleNamespace) -> N
     def stands() -> bool:
         return bool(eventually(lambda: not inbox.poll(WALKING).velocity.any(), PATIENCE_S))
 
-    assert "token" not in page.value("location.href")
-    hold()
-    page.ask("Input.dispatchKeyEvent", type="keyUp", **key)
-    assert stands()
-    hold()
-    page.value("dispatchEvent(new Event('blur'))")
-    assert stands()
-    hold()
-    page.value("Object.defineProperty(document, 'hidden', {configurable: true, get: () => true})")
-    page.value("document.dispatchEvent(new Event('visibilitychange'))")
-    assert stands()
-    page.value("delete document.hidden")
-    assert not eventually(moves, 0.5)  # no key was pressed meanwhile
-    hold()
+    others = multiprocessing.active_children()
+    with serving(go1, tmp_path / "feed", inbox) as served, tab(tmp_path / "profile", 400, 800) as page:
+        (server,) = set(multiprocessing.active_children()) - set(others)
+        page.go(served.address)
+        page.wait_for(lambda page: bool(page.value("!document.getElementById('take').disabled")))
+        page.wait_for(lambda page: bool(inbox.owner or page.value("document.getElementById('take').click()")))
+        assert "token" not in page.value("location.href")
+        hold()
+        page.ask("Input.dispatchKeyEvent", type="keyUp", **key)
+        assert stands()
+        hold()
+        page.value("dispatchEvent(new Event('blur'))")
+        assert stands()
+        hold()
+        page.value("Object.defineProperty(document, 'hidden', {configurable: true, get: () => true})")
+        page.value("document.dispatchEvent(new Event('visibilitychange'))")
+        assert stands()
+        page.value("delete document.hidden")
+        assert not eventually(moves, 0.5)  # no key was pressed meanwhile
+        hold()
 
-    os.kill(opened.server, signal.SIGSTOP)  # the network stalls
-    assert stands()
-    page.wait_for(lambda page: "No connection" in page.text)
-    page.value("document.getElementById('stop').dispatchEvent(new PointerEvent('pointerdown'))")
-    os.kill(opened.server, signal.SIGCONT)  # the delayed messages arrive
-    assert eventually(lambda: inbox.stopped, PATIENCE_S)
-    page.wait_for(lambda page: "Stopped" in page.text)
-    assert stands()
-    assert page.value("document.documentElement.scrollWidth <= innerWidth")
-    assert page.errors == []
-    assert all(address.split("/")[2].startswith("localhost") for address in page.requested if "//" in address)
+        os.kill(server.pid, signal.SIGSTOP)  # the network stalls
+        assert stands()
+        page.wait_for(lambda page: "No connection" in page.text)
+        page.value("document.getElementById('stop').dispatchEvent(new PointerEvent('pointerdown'))")
+        os.kill(server.pid, signal.SIGCONT)  # the delayed messages arrive
+        assert eventually(lambda: inbox.stopped, PATIENCE_S)
+        page.wait_for(lambda page: "Stopped" in page.text)
+        assert stands()
+        assert page.value("document.documentElement.scrollWidth <= innerWidth")
+        assert page.errors == []
+        assert all(each.split("/")[2].startswith("localhost") for each in page.requested if "//" in each)

@@ -1,12 +1,14 @@
-"""The server of the page: address, ends, and the processes that serve it."""
+"""The server of the page: its address, who may connect, its end, and the processes that serve it."""
 
 import errno
+import http.client
 import os
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,6 +18,7 @@ from shell import Shell
 
 from footfall.common.errors import UserError
 from footfall.pages import beside, page
+from footfall.pages.handshake import refusal
 
 FREE, TAKEN, NOT_OURS, NO_IPV6 = 0, errno.EADDRINUSE, errno.EADDRNOTAVAIL, errno.EAFNOSUPPORT
 ADDRESSES = [
@@ -36,13 +39,10 @@ def test_one_free_address_is_enough_unless_another_is_taken(monkeypatch: pytest.
     for found in ((FREE,), (FREE, FREE), (NOT_OURS, FREE), (FREE, NO_IPV6), (NO_IPV6, FREE)):
         check(monkeypatch, *found)
     for found, reason in (
-        ((TAKEN,), TAKEN),
         ((FREE, TAKEN), TAKEN),  # viser would quietly take another port for one of them
-        ((TAKEN, FREE), TAKEN),
-        ((NOT_OURS, TAKEN), TAKEN),
-        ((NOT_OURS, NOT_OURS), NOT_OURS),
-        ((NO_IPV6, NOT_OURS), NO_IPV6),
-    ):
+        ((TAKEN,), TAKEN), ((TAKEN, FREE), TAKEN), ((NOT_OURS, TAKEN), TAKEN),
+        ((NOT_OURS, NOT_OURS), NOT_OURS), ((NO_IPV6, NOT_OURS), NO_IPV6),
+    ):  # fmt: skip
         assert f"lab:80: {os.strerror(reason)}" in refusal_of(check, monkeypatch, *found)
 
 
@@ -114,3 +114,72 @@ def test_a_killed_run_takes_its_page_with_it_so_that_the_next_run_has_the_port(t
     finally:
         run.kill()
         run.wait()
+
+
+@pytest.fixture
+def served() -> Iterator[int]:
+    """The port of a page."""
+    port = free_port()
+    with page.serving("localhost", port, "test"):
+        yield port
+
+
+def answer(port: int, origin: str | None) -> int:
+    """HTTP status for a WebSocket client with this origin; 101 if viser accepts it and sends its content."""
+    from viser import __version__
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    try:
+        address, viser = f"ws://localhost:{port}", [f"viser-v{__version__}"]
+        with connect(address, origin=origin, subprotocols=viser, max_size=None, proxy=None) as connection:
+            assert len(connection.recv(timeout=20.0)) > 0
+            return 101
+    except InvalidStatus as error:
+        return error.response.status_code
+
+
+def fetched(port: int, host: str, path: str = "/") -> tuple[int, str]:
+    """Status and text served under this host name.
+
+    Content-Length occurs once and is right: a browser would wait for more, or drop the rest.
+    """
+    connection = http.client.HTTPConnection("localhost", port, timeout=20.0)
+    connection.request("GET", path, headers={"Host": host, "Accept-Encoding": "gzip"})
+    response = connection.getresponse()
+    content = response.read()
+    assert response.headers.get_all("Content-Length") == [str(len(content))]
+    return response.status, content.decode()
+
+
+def test_only_its_own_origin_and_programs_may_connect(served: int) -> None:
+    for origin, status in (
+        (f"http://localhost:{served}", 101),
+        (None, 101),  # no browser: a user who can run programs here does not need the page
+        ("http://evil.example", 403), (f"http://localhost:{served}.evil.example", 403),
+        (f"http://evil-localhost:{served}", 403), ("http://localhost:1", 403),
+        ("null", 403),  # a sandboxed frame, or a file
+    ):  # fmt: skip
+        assert answer(served, origin) == status, origin
+
+
+def test_the_page_is_footfalls_and_not_for_a_foreign_host_name(served: int) -> None:
+    status, text = fetched(served, f"evil.example:{served}")
+    assert status == 403
+    assert "--host evil.example" in text
+    for path in ("/", "/index.html", "/?initialCameraPosition=1,2,3"):
+        status, text = fetched(served, f"localhost:{served}", path)
+        assert status == 200
+        assert "<title>footfall</title>" in text
+        assert "<title>Viser</title>" not in text
+
+
+def test_names_of_the_server() -> None:
+    for host, served_at, allowed in (
+        ("localhost:8080", "localhost", True), ("127.0.0.1:8080", "localhost", True),
+        ("[::1]:8080", "localhost", True), ("192.168.1.7", "0.0.0.0", True),
+        ("localhost:8080", "0.0.0.0", True), ("lab.example:8080", "lab.example", True),
+        ("Lab.example:8080", "lab.Example", True), ("lab.example:8080", "0.0.0.0", False),
+        (None, "localhost", False),
+    ):  # fmt: skip
+        assert (refusal(host, None, served_at) is None) is allowed, host

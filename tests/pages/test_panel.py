@@ -38,18 +38,16 @@ def panel(page: PageControls) -> Panel:
     return Panel(page)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    ("ranges", "first"),
-    [(WIDE, [0.5, 0.0, 0.0]), (CommandRange((-1.0, 0.3), (0.1, 0.7), (-1.4, -0.2)), [0.3, 0.1, -0.2])],
-)
-def test_sliders_span_the_ranges_and_begin_near_a_walk_ahead(
-    panel: Panel, page: PageControls, ranges: CommandRange, first: list[float]
-) -> None:
-    assert not page["Command"].visible
-    panel.offer_commands(ranges)
-    assert page["Command"].visible
-    assert [(page[axis].min, page[axis].max) for axis in AXES] == list(vars(ranges).values())
-    np.testing.assert_allclose(panel.command, first)
+def test_sliders_span_the_ranges_and_begin_near_a_walk_ahead() -> None:
+    ahead = CommandRange((-1.0, 0.3), (0.1, 0.7), (-1.4, -0.2))
+    for ranges, first in ((WIDE, [0.5, 0.0, 0.0]), (ahead, [0.3, 0.1, -0.2])):
+        page = PageControls()
+        panel = Panel(page)  # type: ignore[arg-type]
+        assert not page["Command"].visible
+        panel.offer_commands(ranges)
+        assert page["Command"].visible
+        assert [(page[axis].min, page[axis].max) for axis in AXES] == list(vars(ranges).values())
+        np.testing.assert_allclose(panel.command, first)
 
 
 def test_a_number_beyond_a_range_is_clipped_and_shown(panel: Panel, page: PageControls) -> None:
@@ -108,10 +106,6 @@ def test_the_time_of_curves_counts_back_from_now(go1: Robot, page: PageControls)
     np.testing.assert_allclose(command, 0.0)
 
 
-def curve(metrics: MetricsFile) -> list[list[float]]:
-    return [part.tolist() for part in metrics.curve("a")]
-
-
 def test_the_age_of_metrics_is_since_the_last_line(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert MetricsFile(path).age_s() is None
     path.write_text(TWO)
@@ -120,12 +114,12 @@ def test_the_age_of_metrics_is_since_the_last_line(path: Path, monkeypatch: pyte
     assert MetricsFile(path).age_s() == pytest.approx(42.0)
 
 
-@pytest.mark.parametrize("line", ["", "{", "[1]", "7", '{"a": 1}', '{"step": null}', '{"step": "x"}'])
-def test_an_invalid_line_is_ignored(path: Path, line: str) -> None:
-    path.write_text(f'{{"step": 5, "a": 3}}\n{line}\n{TWO}')
-    metrics = MetricsFile(path)
-    assert metrics.refresh()
-    assert curve(metrics) == [[5, 10, 20], [3, 1, 2]]
+def test_an_invalid_line_is_ignored(path: Path) -> None:
+    for line in ("", "{", "[1]", "7", '{"a": 1}', '{"step": null}', '{"step": "x"}'):
+        path.write_text(f'{{"step": 5, "a": 3}}\n{line}\n{TWO}')
+        metrics = MetricsFile(path)
+        assert metrics.refresh()
+        np.testing.assert_array_equal(metrics.curve("a"), [[5, 10, 20], [3, 1, 2]], line)
 
 
 def test_curves_grow_with_the_file_by_whole_lines_and_begin_again_with_a_shorter_file(path: Path) -> None:
@@ -134,13 +128,13 @@ def test_curves_grow_with_the_file_by_whole_lines_and_begin_again_with_a_shorter
     for text, refreshed, steps, values in (
         (TWO, True, [10, 20], [1, 2]),
         (TWO + '{"step": 30, ', False, [10, 20], [1, 2]),
-        (TWO + '{"step": 30, "a": 9}\n', True, [10, 20, 30], [1, 2, 9]),
-        (TWO + '{"step": 30, "a": 9}\n', False, [10, 20, 30], [1, 2, 9]),
+        *((TWO + '{"step": 30, "a": 9}\n', new, [10, 20, 30], [1, 2, 9]) for new in (True, False)),
         ('{"step": 10, "a": 3}\n', True, [10], [3]),
     ):
         path.write_text(text)
         assert metrics.refresh() is refreshed
-        assert (curve(metrics), metrics.last_step) == ([steps, values], steps[-1])
+        np.testing.assert_array_equal(metrics.curve("a"), [steps, values])
+        assert metrics.last_step == steps[-1]
 
 
 def test_a_long_curve_is_thinned_except_at_its_ends() -> None:

@@ -1,5 +1,6 @@
-"""The robot that walks on the page: pace, commands, pushes, restarts, status text."""
+"""The robot that walks on the page: pace, commands, pushes, policies exported beside it, status text."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,14 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from tiny_policy import write_network
 
 from footfall import Episode, Robot, run_episode
 from footfall.deploy.loop import ControlLoop
 from footfall.pages import walk
 from footfall.pages.moment import Moment
 from footfall.pages.newest_policy import NewestPolicy
-from footfall.pages.snapshots import NEWEST, Snapshot
+from footfall.pages.snapshots import FINISHED, NEWEST, Exported, Snapshot, Snapshots, newest_checkpoint
 from footfall.pages.status import WAITING, Status, as_markdown
 from footfall.pages.walk import Pace, Walk
 from footfall.policies.learned import open_network
@@ -26,46 +28,39 @@ from footfall.train.runs.folder import open_run
 POLICY = ZOO / "go1-flat" / "policy.onnx"
 
 
-class TestPace:
-    @pytest.fixture
-    def clock(self, monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-        """A clock for the page that advances in sleep and on request."""
-        clock = SimpleNamespace(now=50.0, slept=[])
+def test_lost_time_is_skipped_and_the_speed_factor_restarts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page's clock advances in sleep and on request."""
+    clock = SimpleNamespace(now=50.0, slept=[])
 
-        def sleep(time_s: float) -> None:
-            clock.slept.append(time_s)
-            clock.now += time_s
+    def sleep(time_s: float) -> None:
+        clock.slept.append(time_s)
+        clock.now += time_s
 
-        monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
-        return clock
-
-    def test_lost_time_is_skipped_and_the_speed_factor_restarts(self, clock: SimpleNamespace) -> None:
-        pace = Pace()
-        assert pace.factor == 1.0
-        pace.wait(0.5)
-        clock.now += 0.55  # 50 ms late: within tolerance, caught up on by sleeping less
-        pace.wait(1.0)
-        pace.wait(1.5)
-        assert clock.slept == pytest.approx([0.5, 0.45])
-        assert pace.factor == pytest.approx(1.0 / 1.05)
-        clock.now += 2.0
-        pace.wait(1.7)  # 1.8 s late: lost
-        assert pace.factor == pytest.approx(0.7 / 2.45, rel=1e-3)
-        clock.now += 100.0
-        pace.resume(1.7)
-        pace.wait(2.0)
-        assert clock.slept[2:] == pytest.approx([0.3])
-        clock.now += 1.0
-        pace.wait(3.0)
-        assert pace.factor == pytest.approx(1.3 / 1.3)
-
-    def test_a_delay_of_a_fifth_of_a_second_is_not_caught_up(self, clock: SimpleNamespace) -> None:
-        pace = Pace()
-        clock.now += 0.7
-        pace.wait(0.5)  # 0.2 s late
-        for simulated_s in (0.9, 1.3):
-            pace.wait(simulated_s)
-        assert clock.slept == pytest.approx([0.4, 0.4])
+    monkeypatch.setattr(walk, "time", SimpleNamespace(monotonic=lambda: clock.now, sleep=sleep))
+    pace = Pace()
+    assert pace.factor == 1.0
+    pace.wait(0.5)
+    clock.now += 0.55  # 50 ms late: within tolerance, caught up on by sleeping less
+    pace.wait(1.0)
+    pace.wait(1.5)
+    assert clock.slept == pytest.approx([0.5, 0.45])
+    assert pace.factor == pytest.approx(1.0 / 1.05)
+    clock.now += 2.0
+    pace.wait(1.7)  # 1.8 s late: lost
+    assert pace.factor == pytest.approx(0.7 / 2.45, rel=1e-3)
+    clock.now += 100.0
+    pace.resume(1.7)
+    pace.wait(2.0)
+    assert clock.slept[2:] == pytest.approx([0.3])
+    clock.now += 1.0
+    pace.wait(3.0)
+    assert pace.factor == pytest.approx(1.3 / 1.3)
+    pace = Pace()
+    clock.now += 0.7
+    pace.wait(0.5)  # 0.2 s late
+    for simulated_s in (0.9, 1.3):
+        pace.wait(simulated_s)
+    assert clock.slept[-2:] == pytest.approx([0.4, 0.4])  # not caught up
 
 
 class Visitor:
@@ -168,8 +163,6 @@ class TestNewestPolicy:
 
     def test_after_the_change_the_new_network_decides(self, go1: Robot, tmp_path: Path) -> None:
         onnx = pytest.importorskip("onnx")
-        from tiny_policy import write_network
-
         contract = open_network(POLICY)[1]
         shape = observation_size(contract), len(contract.joints)
         weights = np.random.default_rng(0).normal(size=shape).astype(np.float32)
@@ -183,14 +176,11 @@ class TestNewestPolicy:
 WALKING = Status("go1", "runs/mine", 2000, 10, trained_steps=500, metrics_age_s=3.0, iteration=30, policies=1)
 
 
-def test_the_awaited_policy_is_shown() -> None:
+def test_the_awaited_policy_and_a_training_without_news_for_two_minutes_are_shown() -> None:
     nothing = replace(WALKING, policies=0, iteration=None, metrics_age_s=None)
     assert WAITING in as_markdown(nothing)
     assert "Policy" not in as_markdown(nothing)
     assert "1,200" in as_markdown(replace(nothing, exporting=1200))
-
-
-def test_a_training_without_news_for_two_minutes_is_reported_unless_finished() -> None:
     for age_s, finished, quiet in ((120.0, False, False), (120.1, False, True), (999.0, True, False)):
         text = as_markdown(replace(WALKING, metrics_age_s=age_s, finished=finished))
         assert ("train --resume runs/mine" in text) is quiet
@@ -207,3 +197,91 @@ def test_the_status_shows_the_walking_policy_and_its_tracking_error() -> None:
     facts = ("500 of 2,000 steps (25%)", "iteration 30", "+0.42 of +0.50 m/s", "3 in 4", "the base tilted")
     assert [fact for fact in (*facts, "12 of 60 s") if fact not in text] == []
     assert WAITING not in text
+
+
+class TestSnapshots:
+    @pytest.fixture
+    def run(self, tmp_path: Path) -> Path:
+        (tmp_path / "run" / "checkpoints").mkdir(parents=True)
+        (tmp_path / "out").mkdir()
+        return tmp_path / "run"
+
+    def write(self, folder: Path, name: str, at_s: int) -> Path:
+        (folder / name).write_text("x")
+        os.utime(folder / name, (at_s, at_s))
+        return folder / name
+
+    def checkpoint(self, run: Path, number: str, at_s: int = 100) -> Path:
+        return self.write(run / "checkpoints", f"{number}.ckpt", at_s)
+
+    def found(self, run: Path) -> tuple[Snapshots, SimpleNamespace]:
+        """Snapshots with a fake exporter."""
+        exporter = SimpleNamespace(calls=[], answer=None, wake=lambda: None)
+        exporter.start = lambda *given: exporter.calls.append(given)
+        exporter.poll = lambda: exporter.answer
+        return Snapshots(run, run.parent / "out", exporter), exporter  # type: ignore[arg-type]
+
+    def test_a_checkpoint_is_exported_once_and_returned_when_ready(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        checkpoint, out = self.checkpoint(run, "00000012"), run.parent / "out" / "00000012.onnx"
+        for _ in range(2):  # not yet
+            assert (snapshots.poll(), snapshots.exporting) == (None, 12)
+        exporter.answer = Exported(out)
+        assert (snapshots.poll(), snapshots.exporting) == (Snapshot(out, 12), None)
+        assert snapshots.poll() is None
+        assert exporter.calls == [(checkpoint, out)]
+
+    def test_a_problem_is_reported_and_its_checkpoint_is_not_tried_again(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        self.checkpoint(run, "00000012")
+        snapshots.poll()
+        exporter.answer = Exported(None, "it is damaged")
+        for _ in range(2):
+            assert (snapshots.poll(), snapshots.problem) == (None, "it is damaged")
+        assert len(exporter.calls) == 1
+        done = self.write(run, FINISHED, 200)
+        assert (snapshots.poll(), snapshots.problem) == (Snapshot(done, 12), "")
+
+    def test_the_highest_checkpoint_is_exported_if_newer_than_the_policy(self, run: Path) -> None:
+        snapshots, _ = self.found(run)
+        self.checkpoint(run, "00000012")
+        done = self.write(run, FINISHED, 200)
+        assert snapshots.poll() == Snapshot(done, 12)
+        later = self.checkpoint(run, "00000013", 300)
+        assert (snapshots.poll(), snapshots.exporting) == (None, 13)
+        assert newest_checkpoint(run) == later
+        self.checkpoint(run, "00000009", 400)
+        self.checkpoint(run, "99999999", 500)
+        highest = self.checkpoint(run, "100000000", 50)
+        assert newest_checkpoint(run) == highest
+        assert newest_checkpoint(run.parent) is None
+
+    def test_an_outdated_export_is_repeated(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        self.checkpoint(run, "00000012")
+        self.write(run.parent / "out", "00000012.onnx", 99)
+        assert (snapshots.poll(), len(exporter.calls)) == (None, 1)
+        other, exporter = self.found(run)
+        exported = self.write(run.parent / "out", "00000012.onnx", 100)
+        assert other.poll() == Snapshot(exported, 12)
+        assert exporter.calls == []
+
+    def test_names_begin_with_the_newest_and_a_choice_is_found_by_name(self, run: Path) -> None:
+        snapshots, exporter = self.found(run)
+        assert snapshots.names() == [NEWEST]
+        kept = self.checkpoint(run, "00001200")
+        self.checkpoint(run, "00000090")
+        self.write(run.parent / "out", "00000090.onnx", 100)
+        dropped = self.write(run.parent / "out", "00000007.onnx", 100)
+        done = self.write(run, FINISHED, 200)
+        assert snapshots.names() == [NEWEST, FINISHED, "iteration 1,200", "iteration 90", "iteration 7"]
+        snapshots.chosen = "iteration 7"
+        assert snapshots.poll() == Snapshot(dropped, 7)
+        snapshots.chosen = FINISHED
+        assert snapshots.poll() == Snapshot(done, 1200)
+        snapshots.chosen = "iteration 1,200"
+        assert snapshots.poll() is None
+        assert exporter.calls == [(kept, run.parent / "out" / "00001200.onnx")]
+        snapshots.chosen = "iteration 5"
+        exporter.answer = Exported(None)
+        assert snapshots.poll() is None

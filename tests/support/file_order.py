@@ -19,7 +19,7 @@ plant/test_sensors robots/importer/test_create deploy/test_sensor_faults identif
 evaluate/test_weakest policies/test_walks evaluate/test_episodes repository/test_imports
 deploy/test_estimator footfall/test_cli_log envs/test_task envs/test_gymnasium
 policies/test_made_up_robots robots/test_check deploy/test_battery benchmarks/test_recordings
-footfall/test_cli_replay repository/test_docs pages/test_page footfall/test_cli_can deploy/test_foot_force
+repository/test_docs pages/test_page footfall/test_cli_can deploy/test_foot_force
 train/test_actuator_net plant/test_standing footfall/test_cli_bad_input
 """
 LONGEST = (*TRAININGS, *UPDATES, *(f"{name}.py" for name in OTHERS.split()))

@@ -1,23 +1,13 @@
-"""A file of scenarios and outcomes of episodes, made by hand."""
+"""Outcomes of episodes made by hand."""
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from footfall.domain_rand.noise import Noise
 from footfall.evaluate.episodes import EpisodeOutcome
 from footfall.evaluate.metrics import EpisodeMetrics
 from footfall.evaluate.pool import TaskResult
-from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint
-
-OWN_NOISE, STILL = Noise(gyro=0.123), (Waypoint(0.0),)
-SCENARIOS = {
-    "one": Scenario("One", 3, 2.0, script=STILL, levels={"friction": (0.3, 0.9)}),
-    "two": Scenario("Two", 2, 3.0, script=STILL),
-    "course": Scenario("A walk", 5, 4.0, script=STILL),
-}
-FILE = ScenarioFile(OWN_NOISE, SCENARIOS)
 
 GOOD = EpisodeMetrics(
     fell=False, emergency_stop=False, walked_s=10.0, scored_s=8.0,
