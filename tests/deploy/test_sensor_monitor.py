@@ -114,9 +114,6 @@ def test_a_gap_of_half_or_1_5_periods() -> None:
             assert (windows.close(ZEROS, ZEROS, ZEROS, ZEROS) is not None) is compared
 
 
-ATTITUDES = Rotation.random(3, random_state=2).as_quat(scalar_first=True).tolist()
-
-
 def about(axis: str, angle_rad: float) -> tuple[float, float, float, float]:
     """The quaternion of a turn."""
     return tuple(Rotation.from_euler(axis, angle_rad).as_quat(scalar_first=True).tolist())
@@ -156,7 +153,7 @@ def test_readings_of_the_imu_that_repeat_themselves_count_while_the_body_moves(g
         assert repeated_s == pytest.approx(expected_s), check
 
 
-@pytest.mark.parametrize("quaternion", ATTITUDES)
+@pytest.mark.parametrize("quaternion", Rotation.random(3, random_state=2).as_quat(scalar_first=True).tolist())
 class TestGravity:
     def test_in_motion_the_mean_acceleration_counts(self, go1: Robot, quaternion: list[float]) -> None:
         """The mean is over 1 s, a window takes 40 ms. Before, acceleration was the opposite of gravity."""

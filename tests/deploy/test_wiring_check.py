@@ -55,6 +55,14 @@ def exchanged(first: str, second: str) -> Inject:
     return inject
 
 
+def motors_exchanged(injector: FaultInjector) -> None:
+    """Exchange the connectors of two motors whose ranges differ: each torque is read in the other's range."""
+    wiring, order = injector.wiring, np.arange(len(injector.wiring.motor_id))
+    yaw, roll = map(wiring.joint_names.index, ("left_hip_yaw_joint", "left_ankle_roll_joint"))
+    order[[yaw, roll]] = roll, yaw
+    injector.body.rewire(replace(wiring, channel=wiring.channel[order], motor_id=wiring.motor_id[order]))
+
+
 @pytest.fixture
 def motions(monkeypatch: pytest.MonkeyPatch) -> Motions:
     """Sets motions and limits of the check."""
@@ -73,36 +81,21 @@ def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Motions) ->
 
 
 @pytest.mark.parametrize(
-    ("inject", "lying", "names"),
+    ("robot", "inject", "lying", "names"),
     [
-        (exchanged("can0", "can2"), True, ["can0", "can2", "exchanged"]),
-        (geared(-1.0), False, ["opposite direction"]),
-        (imu_turned(2, 90.0), False, ["IMU is turned", "about z"]),
+        ("go1", exchanged("can0", "can2"), True, ["can0", "can2", "exchanged"]),
+        ("go1", geared(-1.0), False, ["opposite direction"]),
+        ("go1", imu_turned(2, 90.0), False, ["IMU is turned", "about z"]),
+        ("g1", motors_exchanged, False, ["left_hip_yaw_joint", "left_ankle_roll_joint", "exchanged"]),
     ],
 )
 def test_wrong_wiring_is_named_before_the_robot_walks(
-    go1: Robot, motions: Motions, inject: Inject, lying: bool, names: list[str]
+    motions: Motions, robot: str, inject: Inject, lying: bool, names: list[str]
 ) -> None:
-    motions(settle_s=0.6, move_s=0.2)
-    outcome, _ = checked(go1, inject, lying)
+    motions(settle_s=0.6 if robot == "go1" else 0.5, move_s=0.2)
+    outcome, _ = checked(load_robot(robot), inject, lying)
     assert (outcome.final_state, outcome.walked_s) == ("ESTOP", 0.0)
     assert all(name in outcome.faults[0] for name in names), outcome.faults
-
-
-def test_exchanged_motors_of_a_biped_are_named(motions: Motions) -> None:
-    """The two motors' ranges differ, so each torque is read in the other's range."""
-    motions(settle_s=0.5, move_s=0.2)
-    g1, names = load_robot("g1"), ["left_hip_yaw_joint", "left_ankle_roll_joint"]
-
-    def inject(injector: FaultInjector) -> None:
-        wiring, order = injector.wiring, np.arange(len(injector.wiring.motor_id))
-        yaw, roll = map(g1.joint_names.index, names)
-        order[[yaw, roll]] = roll, yaw
-        injector.body.rewire(replace(wiring, channel=wiring.channel[order], motor_id=wiring.motor_id[order]))
-
-    outcome, _ = checked(g1, inject, lying=False)
-    assert outcome.final_state == "ESTOP"
-    assert all(name in outcome.faults[0] for name in (*names, "exchanged")), outcome.faults
 
 
 def test_a_motor_is_named_whose_own_torques_show_its_mistake(go1: Robot) -> None:
