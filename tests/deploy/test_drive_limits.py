@@ -1,7 +1,5 @@
 """Limits of the drives themselves: set from robot.yaml, read back, or refused by name."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from changed_robots import with_each_motor
@@ -20,16 +18,11 @@ LIMITS = {
 }
 
 
-def limited(robot: Robot, maker: str, limit: Any) -> Robot:
-    """The robot with motors of a maker whose drives have a limit."""
-    made = with_motors(robot, **MAKERS[maker])
-    return with_each_motor(made, drive_limit=limit, current_endpoint=301)
-
-
 @pytest.mark.parametrize("maker", LIMITS)
 def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker: str) -> None:
     limit, limits_of = LIMITS[maker]
-    robot = limited(go1, maker, limit)
+    made = with_motors(go1, **MAKERS[maker])
+    robot = with_each_motor(made, drive_limit=limit, current_endpoint=301)
     wiring = wiring_of(robot)
     driver, end = open_driver(wiring), open_motor_end(wiring)
     assert not np.allclose(limits_of(end), wiring.highest)
@@ -47,5 +40,6 @@ def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker:
 
 def test_a_limit_that_a_maker_does_not_have_is_refused(go1: Robot) -> None:
     for maker, limit in (("MIT mode", "torque"), ("Damiao", "current"), ("moteus", "current")):
+        robot = with_each_motor(with_motors(go1, **MAKERS[maker]), drive_limit=limit)
         with pytest.raises(UserError, match=f"FR_hip_joint: .*{limit}"):
-            open_driver(wiring_of(limited(go1, maker, limit)))
+            open_driver(wiring_of(robot))

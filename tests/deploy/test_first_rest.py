@@ -12,11 +12,6 @@ from footfall.deploy.sensor_checks.imu import ImuLimits
 STILL, GRAVITY = (0.0, 0.0, 0.0), (0.0, 0.0, 9.81)
 
 
-def robot_at_rest(still_s: float = 0.05) -> FirstRest:
-    """The check of a level robot with two joints that must keep still for a time."""
-    return FirstRest(still_s, ImuLimits(), ["hip", "knee"])
-
-
 def update(
     rest: FirstRest, tick: int, gyro: Vector = STILL, acceleration: Vector = GRAVITY, velocity: Any = (0, 0)
 ) -> None:
@@ -33,7 +28,7 @@ def test_the_fastest_part_is_named() -> None:
         ((0.0, 0.0, 0.0), (0.31, 0.0), "hip reads 0.31 rad/s"),
         ((0.29, -0.29, 0.29), (-0.29, 0.29), ""),
     ):
-        rest = robot_at_rest()
+        rest = FirstRest(0.05, ImuLimits(), ["hip", "knee"])
         assert rest.not_at_rest(0) == ""  # no reading yet
         for tick in range(100):
             update(rest, tick, gyro, velocity=velocity)
@@ -42,7 +37,7 @@ def test_the_fastest_part_is_named() -> None:
 
 def test_motion_before_does_not_hide_a_wrong_gravity_at_rest() -> None:
     """Gravity is a fifth too large after a motion. Without a required time at rest it is not checked."""
-    rest = robot_at_rest()
+    rest = FirstRest(0.05, ImuLimits(), ["hip", "knee"])
     for tick in range(21):
         update(rest, tick, (0.0, float(tick == 20), 0.0))
     for tick in range(20, 45):  # 0.05 s
@@ -50,6 +45,6 @@ def test_motion_before_does_not_hide_a_wrong_gravity_at_rest() -> None:
         update(rest, tick + 1, acceleration=(0.0, 0.0, 1.2 * 9.81))
     assert rest.not_at_rest(45 * TICK_US) == ""
     assert rest.contradiction().fault.endswith("gravity by 20%")
-    rest = robot_at_rest(still_s=0.0)
+    rest = FirstRest(0.0, ImuLimits(), ["hip", "knee"])
     update(rest, 0, acceleration=(0.0, 0.0, -9.81))
     assert (rest.not_at_rest(0), rest.contradiction()) == ("", None)

@@ -46,10 +46,6 @@ def own_frames(counter: int, gyro: float = 0.1, arrived_us: np.ndarray | None = 
     return Frames(np.full(3, 1), np.array(own_imu.IDS), data, np.full(3, 8), arrived_us)
 
 
-def with_imu(robot: Robot, protocol: str, bus: str = "") -> Robot:
-    return described(robot, imu_protocol=protocol, imu_bus=bus or BUS_OF[protocol])
-
-
 class TestOwn:
     @pytest.mark.parametrize("row_groups", [[[0, 1, 2]], [[0], [1], [2]]], ids=["at once", "one by one"])
     def test_each_part_must_be_renewed_by_complete_frames(self, row_groups: list[list[int]]) -> None:
@@ -152,7 +148,7 @@ class TestDocumented:
 @pytest.mark.parametrize("protocol", BUS_OF)
 class TestEveryMaker:
     def test_repeated_samples_age_and_older_samples_are_ignored(self, go1: Robot, protocol: str) -> None:
-        wiring = wiring_of(with_imu(go1, protocol))
+        wiring = wiring_of(described(go1, imu_protocol=protocol, imu_bus=BUS_OF[protocol]))
         imu, end = open_imu(wiring), open_imu_end(wiring)
         first, second = end.encode(TILTED), end.encode(TILTED._replace(gyro=(0.0, 0.0, 0.0)))
         imu.absorb(first, 5000)
@@ -165,7 +161,8 @@ class TestEveryMaker:
         np.testing.assert_allclose(imu.reading.gyro, 0.0)
 
     def test_an_imu_is_refused_on_the_wrong_kind_of_bus(self, go1: Robot, protocol: str) -> None:
-        wrong = with_imu(go1, protocol, "can0" if BUS_OF[protocol] == PORT else PORT)
+        other = "can0" if BUS_OF[protocol] == PORT else PORT
+        wrong = described(go1, imu_protocol=protocol, imu_bus=other)
         assert "imu_bus" in refusal_of(open_imu, wiring_of(wrong))
 
 

@@ -1,7 +1,4 @@
-"""Logs read by another tool: rosbags, with ROS 2's own definitions. Subscribers of a run's feed.
-
-No subscriber delays the run or another subscriber.
-"""
+"""Logs read by rosbags, with ROS 2's own definitions; subscribers of a feed, which delay no run."""
 
 import json
 import os
@@ -46,7 +43,6 @@ from footfall.policies.policy import Sensed
 
 START_NS = 1_700_000_000_000_000_000
 LATCHED = {"/robot_description", "/tf_static", "/state", "/motor_health"}
-HEALTH = MotorHealth(np.zeros(13), *np.zeros((3, 12)))
 STILL = Sensed(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), *np.zeros((3, 12)))
 
 
@@ -157,7 +153,7 @@ def log(go1: Robot, tmp_path: Path) -> Iterator[McapLog]:
 
 def ticks(log: McapLog, count: int, first: int = 0) -> None:
     for tick in range(first, first + count):
-        log.tick(2000 * tick, STILL, HEALTH, np.zeros((5, 12)))
+        log.tick(2000 * tick, STILL, MotorHealth(np.zeros(13), *np.zeros((3, 12))), np.zeros((5, 12)))
 
 
 def connect(path: Path, number: int) -> list[socket.socket]:

@@ -11,7 +11,6 @@ import pytest
 from walking_run import WALKING, abilities, polled_until
 
 from footfall.common.errors import UserError
-from footfall.deploy.command_source import Status
 from footfall.operate.gamepad import GamepadConfig, shaped, steered_by_gamepad
 from footfall.operate.inbox import Inbox
 from footfall.operate.keyboard import Keyboard, KeyboardConfig, steered_by_keyboard
@@ -23,14 +22,10 @@ DEAD_MAN, STOP, GAIT = 4, 1, 3
 QUICK = KeyboardConfig(speed_share=0.5, first_s=1.0, again_s=0.1, rate_hz=100.0)
 
 
-def keyboard_of(inbox: Inbox, config: KeyboardConfig, status: Status = WALKING) -> Keyboard:
-    inbox.poll(status)
-    return Keyboard(Operator("keyboard", inbox, abilities), config)
-
-
 def test_a_key_is_held_for_as_long_as_it_is_repeated() -> None:
-    inbox = Inbox()
-    keyboard = keyboard_of(inbox, KeyboardConfig(1.0, first_s=0.7, again_s=0.2))
+    inbox, config = Inbox(), KeyboardConfig(1.0, first_s=0.7, again_s=0.2)
+    inbox.poll(WALKING)
+    keyboard = Keyboard(Operator("keyboard", inbox, abilities), config)
     for keys, now_s, velocity in (
         ("w", 0.0, 1.0),
         ("", 0.6, 1.0),  # a terminal repeats after a delay
@@ -76,7 +71,8 @@ def test_keys_move_the_robot_and_silence_stops_it(monkeypatch: pytest.MonkeyPatc
 def test_keys_change_the_gait_from_the_one_that_the_robot_has() -> None:
     offer = WALKING.offer._replace(gaits=("trot", "ripple", "wave"))
     inbox, status = Inbox(), WALKING._replace(offer=offer, applied=Applied("ripple"))
-    keyboard = keyboard_of(inbox, QUICK, status)
+    inbox.poll(status)
+    keyboard = Keyboard(Operator("keyboard", inbox, abilities), QUICK)
     for expected in ("wave", "trot", "ripple"):  # the second key comes before the first change is complete
         keyboard.press(["g"], 0.0)
         assert inbox.poll(status).gait == expected

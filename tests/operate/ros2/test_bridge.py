@@ -1,7 +1,4 @@
-"""The bridge, a process with another Python: it receives the feed and steers over a Unix socket.
-
-It steers by velocities, or by a path that is walked by odometry.
-"""
+"""A bridge, a process with another Python, receives the feed and steers a run by velocities or paths."""
 
 import cmath
 import math
