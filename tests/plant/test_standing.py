@@ -157,13 +157,12 @@ def test_a_pose_is_found_in_which_go1_rests_on_its_trunk(go1: Robot) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "suffix", "folds"),
-    [(quadruped(knee_limit=FOLDS), "urdf", True), (quadruped(), "urdf", False), (BIPED_MJCF, "xml", False)],
+    ("text", "folds"), [(quadruped(knee_limit=FOLDS), True), (quadruped(), False), (BIPED_MJCF, False)]
 )
 def test_another_makers_robot_gets_a_lying_pose_unless_it_tips_or_hardly_folds(
-    tmp_path: Path, text: str, suffix: str, folds: bool
+    tmp_path: Path, text: str, folds: bool
 ) -> None:
-    robot = make(tmp_path, text, suffix, find_lying_pose=quickly)[0]
+    robot = make(tmp_path, text, find_lying_pose=quickly)[0]
     assert (robot.lying_pose is not None) == folds
     remark = "- lying pose: legs folded" if folds else "- no lying pose: "
     assert remark in (robot.folder / "robot.yaml").read_text()

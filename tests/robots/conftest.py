@@ -16,4 +16,4 @@ def four(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
 @pytest.fixture(scope="session")
 def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Robot, Imported]:
     """A two-legged robot with soles, imported from an MJCF."""
-    return make(tmp_path_factory.mktemp("two"), BIPED_MJCF, "xml")
+    return make(tmp_path_factory.mktemp("two"), BIPED_MJCF)

@@ -1,6 +1,7 @@
 """Small, asymmetric robots in other makers' formats."""
 
 from pathlib import Path
+from tempfile import mkdtemp
 
 from footfall.deploy.drivers.mit import RANGES
 from footfall.policies.gaits import gaits_of
@@ -126,17 +127,18 @@ BIPED_MJCF = f"""
 """
 
 
-def read(tmp_path: Path, text: str, suffix: str = "xml") -> Source:
-    path = tmp_path / f"m.{suffix}"
+def read(tmp_path: Path, text: str) -> Source:
+    path = tmp_path / "m.xml"
     path.write_text(text)
     return read_source(path)
 
 
-def make(tmp_path: Path, text: str, suffix: str = "urdf", **options: object) -> tuple[Robot, Imported]:
-    """Write a model, import it, and load the result."""
-    source = tmp_path / f"model.{suffix}"
-    source.write_text(text)
-    made = import_robot(ImportRequest(source, tmp_path / "made", RANGES, **{"gaits_of": gaits_of, **options}))
+def make(tmp_path: Path, text: str, **options: object) -> tuple[Robot, Imported]:
+    """Write a model, import it, and load the result, in a folder of its own."""
+    folder = Path(mkdtemp(dir=tmp_path))
+    (folder / "m.xml").write_text(text)
+    request = ImportRequest(folder / "m.xml", folder / "made", RANGES, **{"gaits_of": gaits_of, **options})
+    made = import_robot(request)
     return load_robot(made.folder), made
 
 

@@ -1,11 +1,11 @@
 """The training.yaml and randomisation.yaml of an imported robot."""
 
-import dataclasses
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
-from foreign_robots import BIPED_MJCF, make, quadruped
+from foreign_robots import BIPED_MJCF, make, quadruped, read
 
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import default_ranges, load_randomisation, randomisation_of
@@ -15,34 +15,24 @@ from footfall.robots.importer.build import build_machine
 from footfall.robots.importer.machine import Machine
 from footfall.robots.importer.pose import Pose
 from footfall.robots.importer.randomisation_yaml import randomisation_yaml
-from footfall.robots.importer.read import read_source
 from footfall.robots.importer.training_yaml import training_yaml
 from footfall.train.config import available_presets, load_preset
-
-COMMANDS = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-0.8, 0.8))
 
 
 def machine_of(tmp_path: Path, mass: float) -> Machine:
     """A quadruped of that mass."""
-    (tmp_path / "dog.urdf").write_text(quadruped())
-    machine, _ = build_machine(read_source(tmp_path / "dog.urdf", ()), "dog", ())
-    heavier = mass / machine.mass
-    links = tuple(dataclasses.replace(link, mass=link.mass * heavier) for link in machine.links)
-    return dataclasses.replace(machine, links=links)
+    machine, _ = build_machine(read(tmp_path, quadruped()), "dog", ())
+    links = tuple(replace(link, mass=link.mass * mass / machine.mass) for link in machine.links)
+    return replace(machine, links=links)
 
 
-def written(tmp_path: Path, reach_m: float, mass: float) -> dict[str, dict]:
-    """The file for a quadruped of that mass, with legs of that reach."""
-    pose = Pose({}, 0.3, 0.0, reach_m)
-    return yaml.safe_load(training_yaml(machine_of(tmp_path, mass), pose, COMMANDS, "trot"))["env"]
-
-
-def ranges_of(machine: Machine, reach_m: float) -> dict[str, dict]:
-    return yaml.safe_load(randomisation_yaml(machine, Pose({}, 0.3, 0.0, reach_m), default_ranges()))
+def pose_of(reach_m: float) -> Pose:
+    return Pose({}, 0.3, 0.0, reach_m)
 
 
 def test_figures_scale_with_leg_length_and_mass(tmp_path: Path) -> None:
-    env = written(tmp_path, 1.8, 39.0)
+    commands = CommandRange((-1.0, 1.5), (-0.5, 0.5), (-0.8, 0.8))
+    env = yaml.safe_load(training_yaml(machine_of(tmp_path, 39.0), pose_of(1.8), commands, "trot"))["env"]
     assert env["gait"]["frequency_hz"] == pytest.approx(1.1)  # twice the time for a step
     assert env["rewards"]["torque"] == pytest.approx(-1.2e-3 / 144, rel=0.05)  # squared torque: (3 * 4)^2
     assert env["rewards"]["power"] == pytest.approx(-6.8e-3 / 6, rel=0.05)  # torque 12 times, rates a half
@@ -52,29 +42,26 @@ def test_figures_scale_with_leg_length_and_mass(tmp_path: Path) -> None:
 
 def test_loads_scale_with_the_mass_and_offsets_with_the_legs(tmp_path: Path) -> None:
     default = load_randomisation()
-    same_size = ranges_of(machine_of(tmp_path, 13.0), 0.45)
+    same_size, larger = (
+        yaml.safe_load(randomisation_yaml(machine_of(tmp_path, mass), pose_of(reach_m), default_ranges()))
+        for mass, reach_m in ((13.0, 0.45), (39.0, 1.8))
+    )
     for name in ("payload_kg", "com_offset_m"):
         assert Distribution(**same_size[name]) == getattr(default, name)
-    assert ranges_of(machine_of(tmp_path, 39.0), 1.8) == {
-        "payload_kg": {"low": -3.0, "high": 6.0},
-        "com_offset_m": {"low": -0.12, "high": 0.12},
-    }
+    assert larger == {"payload_kg": {"low": -3.0, "high": 6.0}, "com_offset_m": {"low": -0.12, "high": 0.12}}
 
 
 def test_quantities_without_a_range_are_left_out(tmp_path: Path) -> None:
     """With legs of twice the reach, the centre of mass may be off by 0.02 m, and there is no load."""
-    pose = Pose({}, 0.3, 0.0, 0.9)
-    text = randomisation_yaml(machine_of(tmp_path, 13.0), pose, {"com_offset_m": (0.0, 0.02)})
+    text = randomisation_yaml(machine_of(tmp_path, 13.0), pose_of(0.9), {"com_offset_m": (0.0, 0.02)})
     assert yaml.safe_load(text) == {"com_offset_m": {"low": 0.0, "high": 0.04}}
 
 
-@pytest.mark.parametrize(
-    ("text", "suffix", "gait"), [(quadruped(), "urdf", "trot"), (BIPED_MJCF, "xml", "walk")]
-)
+@pytest.mark.parametrize(("text", "gait"), [(quadruped(), "trot"), (BIPED_MJCF, "walk")])
 def test_every_preset_loads_with_an_imported_robots_training_yaml(
-    tmp_path: Path, text: str, suffix: str, gait: str
+    tmp_path: Path, text: str, gait: str
 ) -> None:
-    robot, _ = make(tmp_path, text, suffix, defaults=default_ranges(), gaits_of=gaits_of)
+    robot, _ = make(tmp_path, text, defaults=default_ranges(), gaits_of=gaits_of)
     forward_m_s = robot.description.commands.forward_m_s[1]
     for preset in available_presets():
         config = load_preset(preset, robot)
