@@ -1,6 +1,4 @@
-"""PPO in plain torch on the vector environment: your own training loop instead of a trainer of footfall.
-
-    python ppo_torch.py 200
+"""PPO in plain torch on the vector environment, a training loop of your own: `python ppo_torch.py 200`.
 
 Prints the mean return of the last 100 episodes, 200 times. Needs torch and the extra `gym`.
 """
