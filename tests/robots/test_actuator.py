@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from one_motor import ONE_MOTOR, THREE_MOTORS
 
+from footfall import JointCommand, Robot
 from footfall.robots.actuator import (
-    JointCommand,
     Motor,
     at_supply,
     friction_torque,
@@ -18,7 +18,6 @@ from footfall.robots.actuator import (
     lagged,
     motor_torque,
 )
-from footfall.robots.description import Robot
 from footfall.robots.targets import limit_target, soft_limits
 
 
@@ -146,11 +145,10 @@ def test_backlash_and_compliance_are_in_equilibrium_with_the_control_loop() -> N
             gear = stiffness * (x - np.clip(x, -half, half))
             low, high = (x, high) if kp * (error - x) + feed > gear else (low, x)
         assert at(-error, 0.0, one(0, 0, kp, 0, feed), motor) == pytest.approx(gear, abs=1e-9)
-
-
-SERVO = """<mujoco><worldbody>
-  <body><joint name="j" axis="0 1 0"/><geom size="0.1" mass="1"/></body>
-</worldbody></mujoco>"""
+    # A stiffness of 100 behind 300 is 75 N m/rad, and damping acts through the square of that share.
+    motor = ONE_MOTOR._replace(compliance=np.array([1 / 300.0]))
+    assert at(0.1, 0.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-7.5)
+    assert at(0.0, 1.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-4 * 0.75**2)
 
 
 @pytest.mark.parametrize(("share", "rise"), [(1.0, 0.0), (0.7, 0.0), (0.7, 0.6)])
@@ -160,7 +158,8 @@ def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float, rise: float) ->
     With a resistance that rises with the duty, current and back-EMF are divided by the same factor.
     """
     volts, constant, ohms, duty_per_rad = 12.0, 1.5, 3.0, 8.0
-    spec = mujoco.MjSpec.from_string(SERVO)
+    body = '<body><joint name="j" axis="0 1 0"/><geom size="0.1" mass="1"/></body>'
+    spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
     servo = spec.add_actuator(target="j", trntype=mujoco.mjtTrn.mjTRN_JOINT)
     servo.set_to_dcmotor(motorconst=[constant, constant], resistance=ohms)
     model = spec.compile()
@@ -179,10 +178,3 @@ def test_a_voltage_driven_servo_is_mujocos_dcmotor(share: float, rise: float) ->
         assert slope == pytest.approx(constant**2 / (ohms * more))
         saturated.append(abs(duty) == 1)
     assert 0.2 < np.mean(saturated) < 0.9
-
-
-def test_a_compliant_gearbox_is_a_spring_in_series() -> None:
-    """A stiffness of 100 behind 300 is 75 N m/rad, and damping acts through the square of that share."""
-    motor = ONE_MOTOR._replace(compliance=np.array([1 / 300.0]))
-    assert at(0.1, 0.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-7.5)
-    assert at(0.0, 1.0, one(0, 0, 100, 4, 0), motor) == pytest.approx(-4 * 0.75**2)

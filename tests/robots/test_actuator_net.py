@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from edited import edit
 from refused import refusal_of
 from some_net import some_net, with_net
 
-from footfall.robots.actuator import JointCommand
+from footfall import JointCommand, load_robot
 from footfall.robots.actuator_net import INPUTS, Learned, inputs_of, learned_torque, load_net, save_net
-from footfall.robots.description import load_robot
 
 N = 3
 NET = some_net(N)
@@ -69,8 +69,7 @@ def test_a_net_changes_the_digest(tmp_path: Path) -> None:
     assert len({plain.digest, one.digest, other.digest}) == 3
     assert one.actuator_net is not None
     shutil.move(one.folder / "net.npz", one.folder / "same.npz")
-    text = (one.folder / "robot.yaml").read_text().replace("net.npz", "same.npz")
-    (one.folder / "robot.yaml").write_text(text)
+    edit(one.folder, "robot.yaml", "net.npz", "same.npz")
     assert load_robot(one.folder).digest == one.digest
 
 

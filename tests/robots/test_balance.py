@@ -5,12 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from footfall import Episode, load_policy, load_robot, run_episode
 from footfall.deploy.loop import ControlLoop
-from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.policies.registry import load_policy
-from footfall.robots.balance import Balance, BalanceModel
-from footfall.robots.description import load_robot
+from footfall.robots.balance import BalanceModel
 from footfall.robots.momentum import MomentumObserver, upward_force
 from footfall.robots.support import support_margin
 
@@ -19,7 +17,7 @@ from footfall.robots.support import support_margin
 def test_balance_of_a_standing_robot(name: str, corners: int) -> None:
     """The balance is compared with the simulation's truth, also for a base that moves to the right."""
     robot = load_robot(name)
-    model, seen = BalanceModel(load_robot(name)), []
+    model, seen = BalanceModel(robot), []
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
         if loop.walking and not seen:
@@ -31,7 +29,6 @@ def test_balance_of_a_standing_robot(name: str, corners: int) -> None:
             seen.append((truth, body.data.subtree_com[1].copy()))
 
     run_episode(robot, load_policy("stand", robot), Episode(lambda _: np.zeros(3), 0.1), watch)
-    still: Balance
     still, moved, (truth, centre) = seen
     np.testing.assert_allclose(still.centre, centre, atol=1e-3)
     np.testing.assert_allclose(still.capture[:2], centre[:2], atol=0.02)
@@ -43,26 +40,24 @@ def test_balance_of_a_standing_robot(name: str, corners: int) -> None:
     assert (len(moved.support), np.abs(moved.force).max()) == (0, 0.0)
 
 
-TRIANGLE = [(0.0, 0.0), (4.0, 0.0), (0.0, 3.0)]  # sides 4, 3, 5
-INNER = [(1.0, 1.0), *TRIANGLE, (2.0, 0.0), (0.3, 0.4)]
-LINE = [(0.0, 0.0), (1.0, 1.0), (3.0, 3.0)]
-
-
 def test_the_static_margin_is_the_distance_to_the_nearest_edge() -> None:
+    triangle = [(0.0, 0.0), (4.0, 0.0), (0.0, 3.0)]  # sides 4, 3, 5
+    inner = [(1.0, 1.0), *triangle, (2.0, 0.0), (0.3, 0.4)]
+    line = [(0.0, 0.0), (1.0, 1.0), (3.0, 3.0)]
     for feet, point, margin in (
-        (TRIANGLE, (1.0, 1.0), 1.0),  # the centre of the inscribed circle
-        (TRIANGLE, (0.5, 1.0), 0.5),
-        (TRIANGLE, (2.0, 0.1), 0.1),
-        (TRIANGLE, (2.0, -0.5), -0.5),
-        (TRIANGLE, (4.0 + 0.8, 3.0 + 0.6), -(4.8 * 3 + 3.6 * 4 - 12) / 5),
-        (TRIANGLE, (-3.0, -4.0), -5.0),  # nearest to a corner, not to the line of an edge
-        (INNER, (0.5, 1.0), 0.5),
+        (triangle, (1.0, 1.0), 1.0),  # the centre of the inscribed circle
+        (triangle, (0.5, 1.0), 0.5),
+        (triangle, (2.0, 0.1), 0.1),
+        (triangle, (2.0, -0.5), -0.5),
+        (triangle, (4.0 + 0.8, 3.0 + 0.6), -(4.8 * 3 + 3.6 * 4 - 12) / 5),
+        (triangle, (-3.0, -4.0), -5.0),  # nearest to a corner, not to the line of an edge
+        (inner, (0.5, 1.0), 0.5),
         ([], (0.0, 0.0), -math.inf),
         ([(3.0, 4.0)], (0.0, 0.0), -5.0),
         ([(-1.0, 2.0), (3.0, 2.0)], (0.5, 0.0), -2.0),
-        (LINE, (1.0, 0.0), -math.sqrt(0.5)),
-        (LINE, (2.0, 2.0), 0.0),
-        (LINE, (5.0, 5.0), -math.sqrt(8.0)),
+        (line, (1.0, 0.0), -math.sqrt(0.5)),
+        (line, (2.0, 2.0), 0.0),
+        (line, (5.0, 5.0), -math.sqrt(8.0)),
     ):
         for order in (feet, feet[::-1]):
             assert support_margin(order, point) == pytest.approx(margin)

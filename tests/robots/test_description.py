@@ -8,7 +8,7 @@ import yaml
 from edited import content_of, edit
 from refused import refusal_of
 
-from footfall.robots.description import Robot, load_robot
+from footfall import Robot, load_robot
 
 WRONG_YAML = (
     ("name: go1", "name: [go1", "valid YAML"),
@@ -108,15 +108,14 @@ def test_values_that_contradict_each_other_are_refused(own_folder: Path) -> None
     declaration = own_folder / "robot.yaml"
     content = yaml.safe_load(declaration.read_text())
     commands = content["commands"]
-    for change, expected in (
-        *(({part: []}, "at least one joint and one foot") for part in ("joints", "feet")),
-        *(
-            ({"commands": commands | {axis: [0.2, 0.1]}}, "must be a range from low to high")
-            for axis in commands
-        ),
+    reversed_ranges = ({"commands": commands | {axis: [0.2, 0.1]}} for axis in commands)
+    for expected, changes in (
+        ("at least one joint and one foot", [{"joints": []}, {"feet": []}]),
+        ("must be a range from low to high", reversed_ranges),
     ):
-        declaration.write_text(yaml.safe_dump(content | change))
-        assert expected in refusal_of(load_robot, own_folder)
+        for change in changes:
+            declaration.write_text(yaml.safe_dump(content | change))
+            assert expected in refusal_of(load_robot, own_folder)
 
 
 def test_a_battery_may_be_declared_and_no_policy_depends_on_it(own_folder: Path, go1: Robot) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from edited import edit
 
-from footfall.robots.description import Robot, load_robot
+from footfall import Robot, load_robot
 from footfall.robots.digest import digest
 from footfall.robots.mjcf import load_spec
 
@@ -33,22 +33,15 @@ def all_count(folder: Path, *edits: tuple[str, str]) -> bool:
     return not not_counted(folder, [("robot.xml", *each) for each in edits])
 
 
-JOINT_SETTINGS = (
-    *('pos="0 0.01 0"', 'stiffness="1"', 'springref="0.1"', 'margin="0.01"', 'solreflimit="0.03 1"'),
-    'solimplimit="0.8 0.95 0.001"',
-)
-FOOT_SETTINGS = (
-    *('contype="3"', 'conaffinity="3"', 'solmix="0.7"', 'solref="0.03 1"', 'solimp="0.8 0.95 0.001"'),
-    *('margin="0.001"', 'gap="0.001"'),
-)
+JOINT = 'pos="0 0.01 0"', 'stiffness="1"', 'springref="0.1"'
+LIMITS = 'margin="0.01"', 'solreflimit="0.03 1"', 'solimplimit="0.8 0.95 0.001"'
+BITS = 'contype="3"', 'conaffinity="3"', 'solmix="0.7"'
+CONTACT = 'margin="0.001"', 'gap="0.001"', 'solref="0.03 1"', 'solimp="0.8 0.95 0.001"'
 TENDON = """<tendon>
   <fixed name="tie" limited="false" range="-1 1"><joint joint="FR_calf_joint" coef="1"/></fixed>
 </tendon>"""
-CONSTRAINTS = (
-    '<equality><joint joint1="FR_hip_joint" joint2="RR_hip_joint"/></equality>',
-    '<contact><exclude body1="trunk" body2="FR_calf"/></contact>',
-    TENDON,
-)
+HIPS_TIED = '<equality><joint joint1="FR_hip_joint" joint2="RR_hip_joint" polycoef="0 1 0 0 0"/></equality>'
+EXCLUDED = '<contact><exclude body1="trunk" body2="FR_calf"/></contact>'
 NOT_COUNTED = (
     ("robot.yaml", "name: go1", "# a remark\nname: go1"),
     ("robot.yaml", "bus: can0, id: 1", "bus: can9, id: 7"),
@@ -79,8 +72,8 @@ COUNTED = (
     ("robot.xml", 'impratio="10"', 'impratio="1"'),
     ("robot.xml", 'cone="elliptic"', ""),
     ("robot.xml", 'impratio="10"', 'impratio="10" gravity="0 0 -9.8"'),
-    *(("robot.xml", *row) for row in with_each('<joint axis="0 1 0"', *JOINT_SETTINGS)),
-    *(("robot.xml", *row) for row in with_each('size="0.023"', *FOOT_SETTINGS)),
+    *(("robot.xml", *row) for row in with_each('<joint axis="0 1 0"', *JOINT, *LIMITS)),
+    *(("robot.xml", *row) for row in with_each('size="0.023"', *BITS, *CONTACT)),
     ("robot.xml", 'condim="3" priority="1"', 'condim="4" priority="1"'),
     ("robot.xml", 'condim="3" priority="1"', 'condim="3" priority="2"'),
     ("robot.xml", '<joint axis="0 1 0"', '<joint axis="0 1 0.1"'),
@@ -89,7 +82,7 @@ COUNTED = (
     ("robot.xml", 'pos="0 -0.08 0"', 'pos="0 -0.08 0" euler="0 0 0.01"'),
     ("robot.xml", 'pos="-0.003047 0.019315', 'pos="-0.003047 0.019316'),
     ("robot.xml", "-0.00617", '-0.00617" euler="0 0.1 0'),  # the IMU's axes
-    *(("robot.xml", "</mujoco>", more + "</mujoco>") for more in CONSTRAINTS),
+    *(("robot.xml", "</mujoco>", constraint + "</mujoco>") for constraint in (HIPS_TIED, EXCLUDED, TENDON)),
 )
 
 
@@ -106,6 +99,12 @@ def test_names_of_the_file_and_of_geoms_do_not_count(go1: Robot, own_folder: Pat
     assert load_robot(own_folder).digest == go1.digest
 
 
+def test_feet_count_even_if_they_touch_nothing_in_the_mjcf(own_folder: Path) -> None:
+    """Training lets them touch the floor."""
+    edit(own_folder, "robot.xml", 'size="0.023"', 'size="0.023" contype="0" conaffinity="0"')
+    assert all_count(own_folder, ('friction="0.8"', 'friction="0.9"'))
+
+
 def test_included_files_count(go1: Robot, own_folder: Path) -> None:
     """A calf's mass is written in a file that robot.xml includes."""
     inertial = re.search(r'<inertial mass="0.195862".*?/>', (own_folder / "robot.xml").read_text(), re.DOTALL)
@@ -114,12 +113,6 @@ def test_included_files_count(go1: Robot, own_folder: Path) -> None:
     edit(own_folder, "robot.xml", inertial[0], '<include file="calf.xml"/>')
     assert load_robot(own_folder).digest == go1.digest
     assert not_counted(own_folder, [("calf.xml", "0.195862", "0.25")]) == []
-
-
-def test_feet_count_even_if_they_touch_nothing_in_the_mjcf(own_folder: Path) -> None:
-    """Training lets them touch the floor."""
-    edit(own_folder, "robot.xml", 'size="0.023"', 'size="0.023" contype="0" conaffinity="0"')
-    assert all_count(own_folder, ('friction="0.8"', 'friction="0.9"'))
 
 
 def test_the_last_bits_do_not_count(go1: Robot) -> None:
@@ -134,24 +127,16 @@ def test_the_last_bits_do_not_count(go1: Robot) -> None:
     assert digest(go1.description, model) != go1.digest
 
 
-def test_all_properties_of_a_tendon_count(own_folder: Path) -> None:
-    edit(own_folder, "robot.xml", "</mujoco>", TENDON + "</mujoco>")
+def test_all_properties_of_tendons_and_constraints_count(own_folder: Path) -> None:
+    edit(own_folder, "robot.xml", "</mujoco>", f"{TENDON}{HIPS_TIED}</mujoco>")
     losses = 'stiffness="1"', 'damping="1"', 'frictionloss="1"', 'springlength="0.1"'
     assert all_count(
         own_folder,
         *with_each('name="tie"', *losses),
-        ('limited="false"', 'limited="true"'),
-        ('range="-1 1"', 'range="-1 2"'),
+        ('limited="false" range="-1 1"', 'limited="true" range="-1 1"'),
+        ('limited="false" range="-1 1"', 'limited="false" range="-1 2"'),
         ('coef="1"', 'coef="2"'),
         ('joint="FR_calf', 'joint="FL_calf'),
-    )
-
-
-def test_a_constraint_counts_with_its_data(own_folder: Path) -> None:
-    joints = '<equality><joint joint1="FR_hip_joint" joint2="RR_hip_joint" polycoef="0 1 0 0 0"/></equality>'
-    edit(own_folder, "robot.xml", "</mujoco>", joints + "</mujoco>")
-    assert all_count(
-        own_folder,
         ('"0 1 0 0 0"', '"0 2 0 0 0"'),
         ('joint2="RR_hip', 'joint2="RL_hip'),
         ('joint1="FR_hip', 'joint1="FL_hip'),
@@ -189,13 +174,12 @@ TAIL = """<body name="tail" pos="-0.3 0 0"><joint name="tail" axis="0 0 1" range
   <body name="first" pos="0.01 0.02 0.03"><geom size="0.01" mass="0.1"/></body>
   <body name="second" pos="0.01 0.02 0.03"><geom name="end" class="collision" size="0.02" mass="0.1"/></body>
 </body>"""
-PAIR = '<contact><pair geom1="FR_foot" geom2="FL_foot" condim="3"/></contact>'
 
 
 def test_limbs_without_a_motor_and_pairs_that_may_touch_count(own_folder: Path) -> None:
     edit(own_folder, "robot.xml", '<body name="FR_hip"', TAIL + '<body name="FR_hip"')
-    edit(own_folder, "robot.xml", "</mujoco>", PAIR + "</mujoco>")
-    contact = 'friction="0.5"', 'margin="0.01"', 'gap="0.01"', 'solref="0.05 1"', 'solimp="0.8 0.9 0.01"'
+    pair = '<contact><pair geom1="FR_foot" geom2="FL_foot" condim="3"/></contact>'
+    edit(own_folder, "robot.xml", "</mujoco>", pair + "</mujoco>")
     assert all_count(
         own_folder,
         ('name="tail" axis', 'name="tail" type="slide" axis'),
@@ -204,15 +188,10 @@ def test_limbs_without_a_motor_and_pairs_that_may_touch_count(own_folder: Path) 
         ('geom1="FR_foot"', 'geom1="RR_foot"'),
         ('geom2="FL_foot"', 'geom2="end"'),
         ('geom2="FL_foot" condim="3"', 'geom2="FL_foot" condim="1"'),
-        *with_each('geom2="FL_foot"', *contact, 'solreffriction="0.05 1"'),
+        *with_each('geom2="FL_foot"', *CONTACT, 'friction="0.5"', 'solreffriction="0.05 1"'),
     )
-
-
-def test_the_digest_counts_the_parent_of_a_body(own_folder: Path) -> None:
-    """The second part of a tail changes its parent and keeps its position in the parent's frame."""
-    edit(own_folder, "robot.xml", '<body name="FR_hip"', TAIL + '<body name="FR_hip"')
     before = load_robot(own_folder).digest
+    # The second part of the tail changes its parent and keeps its position in the parent's frame.
     edit(own_folder, "robot.xml", '/></body>\n  <body name="second"', '/><body name="second"')
-    end = '<geom name="end" class="collision" size="0.02" mass="0.1"/></body>'
-    edit(own_folder, "robot.xml", end, end + "</body>")
+    edit(own_folder, "robot.xml", 'size="0.02" mass="0.1"/></body>', 'size="0.02" mass="0.1"/></body></body>')
     assert load_robot(own_folder).digest != before

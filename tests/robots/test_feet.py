@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from made_up import SOLES
 
-from footfall.robots.description import Robot
+from footfall import Robot
 from footfall.robots.feet import find_feet
 from footfall.robots.mjcf import load_spec
 
@@ -27,17 +27,13 @@ def without_a_name(
 
 
 def test_a_foot_on_a_link_that_is_fixed_to_the_shin_is_found_by_its_position(go1: Robot) -> None:
-    spec = load_spec(go1.xml_path)
-    name = go1.description.feet[2].geoms[0]
-    named_foot = spec.geom(name)
-    at, size, shin = named_foot.pos.copy(), named_foot.size.copy(), named_foot.parent
-    spec.delete(named_foot)
-    toe = shin.add_body(name="toe", pos=at)
-    toe.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, contype=1)
-    shin.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, contype=1)  # at its upper end: no foot
-    model = spec.compile()
-    feet = find_feet(model, go1.description, go1.xml_path)
-    assert [model.body(model.geom_bodyid[geom]).name for geom in feet[2]] == ["toe"]
+    def move_to_toe(foot: mujoco.MjsGeom) -> None:
+        toe = foot.parent.add_body(name="toe", pos=foot.pos)
+        toe.add_geom(type=SPHERE, size=foot.size, contype=1)
+        foot.pos[:] = 0.0  # at the shin's upper end: no foot
+
+    model, feet = without_a_name(go1, move_to_toe)
+    assert [model.body(model.geom_bodyid[geom]).name for geom in feet[REAR_RIGHT]] == ["toe"]
 
 
 def test_a_foot_without_a_name_is_found_among_the_others(go1: Robot) -> None:
@@ -71,8 +67,7 @@ def test_one_box_may_serve_for_four_corners_and_counts_once(bodies: dict[str, Ro
     for sphere in spheres:
         spec.delete(sphere)
     link.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=middle)
-    # The ankle's housing, farther from each corner than the box.
-    link.add_geom(type=SPHERE, size=[0.03, 0, 0])
+    link.add_geom(type=SPHERE, size=[0.03, 0, 0])  # the ankle's housing, farther from each corner
     model = spec.compile()
     (sole,) = find_feet(model, robot.description, robot.xml_path)[0].tolist()
     assert model.geom_type[sole] == mujoco.mjtGeom.mjGEOM_BOX

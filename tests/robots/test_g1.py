@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from posed import posed
 
+from footfall import JointCommand, Robot, load_robot
 from footfall.envs.feet import Feet
-from footfall.robots.actuator import JointCommand, joint_torque
-from footfall.robots.description import Robot, load_robot
+from footfall.robots.actuator import joint_torque
 from footfall.robots.feet import foot_geoms
-from footfall.robots.model import joint_addresses, read_plant, training_model
+from footfall.robots.model import joint_addresses, plant_model, training_model
 
 
 @pytest.fixture(scope="module")
@@ -18,13 +18,9 @@ def g1() -> Robot:
     return load_robot("g1")
 
 
-@pytest.fixture(scope="module")
-def model(g1: Robot) -> mujoco.MjModel:
-    return read_plant(g1).model
-
-
-def test_the_g1_stands_on_four_corners_a_sole_under_the_joint_law(g1: Robot, model: mujoco.MjModel) -> None:
+def test_the_g1_stands_on_four_corners_a_sole_under_the_joint_law(g1: Robot) -> None:
     """The gains are those for standing up; the robot stands for three seconds."""
+    model = plant_model(g1)
     data = posed(model, g1, g1.description.standing_height_m)
     positions, dofs = joint_addresses(model, g1)
     zero = np.zeros(12)

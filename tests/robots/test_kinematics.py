@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from made_up import BIPED, FIVE, PITCH, SOLES, Hinge, Leg, quadruped_leg, write_robot
 from refused import refusal_of
 
-from footfall.robots.description import Robot, load_robot
+from footfall import Robot, load_robot
 from footfall.robots.kinematics import Legs
 from footfall.robots.model import joint_addresses, plant_model
 
@@ -98,23 +98,20 @@ def test_a_limb_with_a_closed_form_is_solved_by_it(bodies: dict[str, Robot]) -> 
     assert all(bodies[BIPED].legs.inverse.closed)
 
 
-def test_the_tip_is_the_middle_of_the_sole(bodies: dict[str, Robot]) -> None:
+def test_a_sole_is_located_by_its_middle_and_stays_level_at_any_position(bodies: dict[str, Robot]) -> None:
+    """Each leg has six hinges."""
     robot = bodies[SOLES]
+    legs = robot.legs
     model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
     data = mujoco.MjData(model)
-    data.qpos[:7] = 0, 0, 0, 1, 0, 0, 0
-    data.qpos[7:] = robot.default_pose
+    data.qpos[:] = (0, 0, 0, 1, 0, 0, 0, *robot.default_pose)
     mujoco.mj_kinematics(model, data)
     corners = np.array([data.geom(name).xpos for name in robot.description.feet[0].geoms])
-    np.testing.assert_allclose(robot.legs.default_foot[0], corners.mean(axis=0), atol=1e-12)
-    np.testing.assert_allclose(robot.legs.default_foot[1], data.geom("r_foot0").xpos, atol=1e-12)
-    np.testing.assert_allclose(robot.legs.foot_radius, [0.012, 0.010], atol=1e-9)
-
-
-def test_a_sole_on_six_hinges_stays_level_at_any_position(bodies: dict[str, Robot]) -> None:
-    legs = bodies[SOLES].legs
+    np.testing.assert_allclose(legs.default_foot[0], corners.mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(legs.default_foot[1], data.geom("r_foot0").xpos, atol=1e-12)
+    np.testing.assert_allclose(legs.foot_radius, [0.012, 0.010], atol=1e-9)
     feet = legs.default_foot + np.array([[0.08, 0.02, 0.05], [-0.06, -0.03, 0.02]])
-    turn = legs.tip_rotation(legs.scatter(legs.solve(feet), bodies[SOLES].default_pose))
+    turn = legs.tip_rotation(legs.scatter(legs.solve(feet), robot.default_pose))
     np.testing.assert_allclose(turn, np.tile(np.eye(3), (2, 1, 1)), atol=1e-6)
 
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from footfall.robots.description import Robot
+from footfall import Robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses
 from footfall.robots.stability import instabilities
@@ -25,10 +25,7 @@ def mobility_of(robot: Robot, model: mujoco.MjModel) -> np.ndarray:
 
 @pytest.mark.parametrize(("share", "refused"), [(0.99, False), (1.01, True)])
 def test_damping_beyond_a_plants_step_is_refused(go1: Robot, share: float, refused: bool) -> None:
-    """kd, the ramp of friction and viscous damping count together.
-
-    The joint with the largest damping is named.
-    """
+    """kd, friction's ramp and viscous damping count together; the joint with the largest sum is named."""
     model = load_spec(go1.xml_path).compile()
     motor = go1.motor._replace(damping=np.linspace(0.1, 0.4, 12))
     damping = go1.kd + motor.friction / motor.friction_speed + motor.damping

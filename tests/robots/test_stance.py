@@ -10,7 +10,7 @@ from edited import edit
 from posed import posed
 from refused import refusal_of
 
-from footfall.robots.description import Robot, load_robot
+from footfall import Robot, load_robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.rigid_body import nominal_body
 from footfall.robots.stance import base_corners, in_default_pose, touching_height
@@ -31,55 +31,42 @@ from footfall.robots.stance import base_corners, in_default_pose, touching_heigh
 def test_feet_of_any_shape_touch_with_their_lowest_point(go1: Robot, own_folder: Path, foot: str) -> None:
     """MuJoCo finds contact a tenth of a millimetre lower, and no contact a tenth higher."""
     text = (own_folder / "robot.xml").read_text()
-    wedge = '<mesh name="wedge" vertex="0 0 -0.03 0.05 0 0 0 0.04 0 0 0 0"/>'
-    wedge = f'<mesh name="first" vertex="0 0 0 0.9 0 0 0 0.9 0 0 0 -0.9"/>{wedge}'
-    wedge += '<mesh name="last" vertex="0 0 0 0.8 0 0 0 0.8 0 0 0 -0.8"/>'
-    text = text.replace('type="sphere" size="0.023"', foot).replace("<asset>", f"<asset>{wedge}")
+    meshes = """<mesh name="first" vertex="0 0 0 0.9 0 0 0 0.9 0 0 0 -0.9"/>
+      <mesh name="wedge" vertex="0 0 -0.03 0.05 0 0 0 0.04 0 0 0 0"/>
+      <mesh name="last" vertex="0 0 0 0.8 0 0 0 0.8 0 0 0 -0.8"/>"""
+    text = text.replace('type="sphere" size="0.023"', foot).replace("<asset>", f"<asset>{meshes}")
     text = text.replace("<worldbody>", '<worldbody><geom type="plane" size="0 0 1"/>')
-    (own_folder / "robot.xml").write_text(text)
-    model = load_spec(own_folder / "robot.xml").compile()
+    model = mujoco.MjModel.from_xml_string(text)
     height = touching_height(go1.description, model)
     for lifted, touches in ((-1e-4, True), (1e-4, False)):
         assert (posed(model, go1, height + lifted).ncon > 0) is touches
 
 
-@pytest.mark.parametrize(
-    ("declared", "accepted"), [(0.278, False), (2.0, False), (0.299, True), (0.290, True)]
-)
-def test_a_height_at_which_no_foot_touches_is_refused(
-    own_folder: Path, declared: float, accepted: bool
-) -> None:
-    edit(own_folder, "robot.yaml", "height_m: 0.2945", f"height_m: {declared}")
-    if accepted:
-        load_robot(own_folder)
-    else:
-        assert re.search(r"standing_height_m: .*0\.2945", refusal_of(load_robot, own_folder))
+def test_a_height_at_which_no_foot_touches_is_refused(own_folder: Path) -> None:
+    before = "0.2945"
+    for declared, accepted in (("0.278", False), ("2.0", False), ("0.299", True), ("0.290", True)):
+        edit(own_folder, "robot.yaml", f"height_m: {before}", f"height_m: {declared}")
+        if accepted:
+            load_robot(own_folder)
+        else:
+            assert re.search(r"standing_height_m: .*0\.2945", refusal_of(load_robot, own_folder))
+        before = declared
 
 
-@pytest.fixture
-def altered(own_folder: Path) -> Robot:
-    """go1 with a tail and an initially rotated trunk, before it a gate that is no part of the robot."""
-    xml = own_folder / "robot.xml"
-    text = xml.read_text()
+def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(own_folder: Path) -> None:
+    """The momenta about each axis are equal in the default pose. The gate is not a part of the robot.
+
+    The robot is a go1 with a tail and an initially rotated trunk; the gate stands before it.
+    """
     gate = '<body pos="3 0 1"><joint name="gate" axis="0 0 1" ref="0.7"/><geom size="0.2" mass="5"/></body>'
     tail = """<body name="tail" pos="-0.3 0.05 0.1"><joint name="tail" axis="0 1 0" ref="0.4"/>
       <geom size="0.03" pos="-0.1 0 0" mass="0.7" contype="0" conaffinity="0"/></body>"""
-    turned = '<body name="trunk" pos="0.2 0.3 0.445" euler="0.2 0.3 1.1"'
-    xml.write_text(
-        text.replace("<worldbody>", f"<worldbody>{gate}")
-        .replace('<body name="FR_hip"', f'{tail}<body name="FR_hip"')
-        .replace('<body name="trunk" pos="0 0 0.445"', turned)
-    )
-    declaration = own_folder / "robot.yaml"
-    bent = declaration.read_text().replace(
-        "RR_thigh_joint, motor: hip,  default_rad: 0.9", "RR_thigh_joint, motor: hip,  default_rad: 0.7"
-    )
-    declaration.write_text(bent)
-    return load_robot(own_folder)
-
-
-def test_the_rigid_body_has_mujocos_mass_centre_and_inertia(altered: Robot) -> None:
-    """The momenta about each axis are equal in the default pose. The gate is not a part of the robot."""
+    edit(own_folder, "robot.xml", "<worldbody>", f"<worldbody>{gate}")
+    edit(own_folder, "robot.xml", '<body name="FR_hip"', f'{tail}<body name="FR_hip"')
+    edit(own_folder, "robot.xml", 'pos="0 0 0.445"', 'pos="0.2 0.3 0.445" euler="0.2 0.3 1.1"')
+    thigh = "RR_thigh_joint, motor: hip,  default_rad"
+    edit(own_folder, "robot.yaml", f"{thigh}: 0.9", f"{thigh}: 0.7")
+    altered = load_robot(own_folder)
     model = load_spec(altered.xml_path).compile()
     data = in_default_pose(model, altered.description)
     body, trunk = nominal_body(altered), model.body("trunk").id

@@ -10,29 +10,26 @@ import pytest
 from edited import edit
 from posed import mass_matrix
 
-from footfall.robots.description import Robot, available_robots, load_robot
+from footfall import Robot, load_robot
+from footfall.robots.description import available_robots
 from footfall.robots.urdf import urdf
-
-POSES = 5
-
-
-def awkward(folder: Path) -> Robot:
-    """A Go1 with a hinge beside its body's origin and a body with two hinges, rotated at zero angles."""
-    robot = load_robot("go1")
-    shutil.copy(robot.xml_path, folder)
-    thigh, calf = '"FR_thigh_joint" class="hip"', '<joint name="FL_calf_joint" class="knee"/>'
-    toe = '<joint name="toe" axis="1 0 0" range="-1 1" pos="0 0.03 -0.1" ref="-0.2" class="knee"/>'
-    edit(folder, robot.description.model, thigh, f'{thigh} pos="0.01 0.02 0.03" ref="0.4"')
-    edit(folder, robot.description.model, calf, f'{calf.removesuffix("/>")} pos="0.02 0 0.01"/>{toe}')
-    return replace(robot, folder=folder)
 
 
 @pytest.fixture(params=[*available_robots(), "awkward"])
 def robot(request: pytest.FixtureRequest, tmp_path: Path) -> Robot:
-    return awkward(tmp_path) if request.param == "awkward" else load_robot(request.param)
+    """Each robot, and a go1 with a hinge beside its body's origin and two hinges, rotated at 0, on a body."""
+    if request.param != "awkward":
+        return load_robot(request.param)
+    robot = load_robot("go1")
+    shutil.copy(robot.xml_path, tmp_path)
+    thigh, calf = '"FR_thigh_joint" class="hip"', '<joint name="FL_calf_joint" class="knee"/>'
+    toe = '<joint name="toe" axis="1 0 0" range="-1 1" pos="0 0.03 -0.1" ref="-0.2" class="knee"/>'
+    edit(tmp_path, robot.description.model, thigh, f'{thigh} pos="0.01 0.02 0.03" ref="0.4"')
+    edit(tmp_path, robot.description.model, calf, f'{calf.removesuffix("/>")} pos="0.02 0 0.01"/>{toe}')
+    return replace(robot, folder=tmp_path)
 
 
-def as_read(text: str) -> mujoco.MjModel:
+def as_read(text: str) -> mujoco.MjSpec:
     """A URDF read by MuJoCo, with all links kept and a free base."""
     spec = mujoco.MjSpec.from_string(text)
     spec.compiler.fusestatic = False
@@ -41,22 +38,15 @@ def as_read(text: str) -> mujoco.MjModel:
     for body in spec.bodies:  # MuJoCo needs a mass between two joints
         if body.name.endswith("_joint"):
             body.mass, body.inertia, body.explicitinertial = 1e-9, [1e-9] * 3, True
-    return spec.compile()
+    return spec
 
 
-def without_armature(robot: Robot) -> mujoco.MjModel:
-    """The MJCF, without features that a URDF cannot have."""
-    model = mujoco.MjModel.from_xml_path(str(robot.xml_path))
+def above_ground(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """The model, without reflected inertia as in a URDF, over a floor with contacts at any height."""
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], margin=9)
+    model = spec.compile()
     model.dof_armature[:] = 0.0
     return model
-
-
-def poses(model: mujoco.MjModel) -> list[dict[str, float]]:
-    """Angles of all joints but the base, drawn within their ranges, rad."""
-    generator = np.random.default_rng(0)
-    names = [model.joint(joint).name for joint in range(1, model.njnt)]
-    ranges = [model.joint(name).range for name in names]
-    return [{n: generator.uniform(*r) for n, r in zip(names, ranges, strict=True)} for _ in range(POSES)]
 
 
 def with_angles(model: mujoco.MjModel, pose: dict[str, float]) -> mujoco.MjData:
@@ -68,9 +58,18 @@ def with_angles(model: mujoco.MjModel, pose: dict[str, float]) -> mujoco.MjData:
     return data
 
 
-def test_links_have_the_motion_and_masses_of_the_bodies(robot: Robot) -> None:
-    made, own = as_read(urdf(robot)), without_armature(robot)
-    for pose in poses(own):
+def lowest_solid(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Height of the lowest point that can touch, m."""
+    of_ground = (data.contact.geom == model.geom("ground").id).any(axis=1)
+    return data.contact.dist[of_ground].min()
+
+
+def test_links_have_the_motion_masses_and_solid_shapes_of_the_bodies(robot: Robot) -> None:
+    made = above_ground(as_read(urdf(robot)))
+    own = above_ground(mujoco.MjSpec.from_file(str(robot.xml_path)))
+    joints = [own.joint(joint).name for joint in range(1, own.njnt)]
+    for angles in np.random.default_rng(0).uniform(*own.jnt_range[1:].T, (5, len(joints))):
+        pose = dict(zip(joints, angles.tolist(), strict=True))
         in_mjcf, in_urdf = with_angles(own, pose), with_angles(made, pose)
         for body in map(own.body, range(1, own.nbody)):
             link = in_urdf.body(body.name)
@@ -84,32 +83,4 @@ def test_links_have_the_motion_and_masses_of_the_bodies(robot: Robot) -> None:
             np.testing.assert_allclose(in_urdf.body(f"{foot.name}_sole").xpos, middle, atol=1e-7)
         matrices = (mass_matrix(model, data, pose) for model, data in ((made, in_urdf), (own, in_mjcf)))
         np.testing.assert_allclose(*matrices, rtol=1e-6, atol=1e-7)
-
-
-def test_solid_shapes_reach_as_low_as_those_of_the_mjcf(robot: Robot) -> None:
-    """A level floor touches them at the same height."""
-    pose = dict(zip(robot.joint_names, robot.default_pose.tolist(), strict=True))
-    lowest = [
-        lowest_solid(model, with_angles(model, pose))
-        for model in (as_read(urdf(robot)), without_armature(robot))
-    ]
-    assert lowest[0] == pytest.approx(lowest[1], abs=1e-6)
-
-
-def lowest_solid(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Height of the lowest point that can touch, m, of boxes, spheres and capsules."""
-    heights = []
-    for geom in np.flatnonzero(model.geom_contype | model.geom_conaffinity):
-        down = -data.geom_xmat[geom].reshape(3, 3)[2]
-        size = model.geom_size[geom]
-        match model.geom_type[geom]:
-            case mujoco.mjtGeom.mjGEOM_SPHERE:
-                reach = size[0]
-            case mujoco.mjtGeom.mjGEOM_CAPSULE:
-                reach = size[0] + size[1] * abs(down[2])
-            case mujoco.mjtGeom.mjGEOM_CYLINDER:
-                reach = size[0] * np.hypot(*down[:2]) + size[1] * abs(down[2])
-            case _:
-                reach = size @ abs(down)
-        heights.append(data.geom_xpos[geom][2] - reach)
-    return min(heights)
+        assert lowest_solid(made, in_urdf) == pytest.approx(lowest_solid(own, in_mjcf), abs=1e-6)

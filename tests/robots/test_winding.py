@@ -9,17 +9,15 @@ import numpy as np
 import pytest
 from changed_robots import with_each_motor
 from edited import content_of
+from refused import refusal_of
 
-from footfall.common.errors import UserError
+from footfall import Episode, Robot, UserError, load_policy, load_robot, run_episode
 from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.locomotion import LocomotionEnv
-from footfall.plant.episode import Episode, run_episode
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motors import SimulatedMotors
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.winding import Winding, torque_share, warmed
 from footfall.train.config import load_preset
 
@@ -27,17 +25,13 @@ CONFIG = load_preset("smoke").env
 
 TIME_CONSTANT_S, STEP_S = 10.0, 0.002
 N = 12
-
-
-def warm(robot: Robot, **changes: object) -> Robot:
-    """The robot with windings of 2 K/W and 5 J/K, whose current limit falls from 80 to 120 degrees."""
-    thermal = {"thermal_resistance_k_w": 2.0, "thermal_capacity_j_k": 5.0, "derating_c": (80.0, 120.0)}
-    return with_each_motor(robot, **(thermal | changes))
+THERMAL = {"thermal_resistance_k_w": 2.0, "thermal_capacity_j_k": 5.0}
 
 
 @pytest.fixture(scope="module")
 def heated() -> Robot:
-    return warm(load_robot("go1"))
+    """A go1 with windings of 2 K/W and 5 J/K, whose current limit falls from 80 to 120 degrees."""
+    return with_each_motor(load_robot("go1"), **THERMAL, derating_c=(80.0, 120.0))
 
 
 def winding_of(robot: Robot) -> Winding:
@@ -46,7 +40,7 @@ def winding_of(robot: Robot) -> Winding:
 
 
 @pytest.mark.parametrize("steps", [1, 7, 1000])
-def test_a_constant_torque_warms_with_the_time_constant(heated: Robot, steps: int) -> None:
+def test_a_winding_warms_and_cools_with_the_time_constant(heated: Robot, steps: int) -> None:
     """After R_th C the rise is 1 - 1/e of R_th R I^2, in steps of any length."""
     winding, torque = winding_of(heated), 6.0
     temperature_c = np.full(N, 25.0)
@@ -56,40 +50,27 @@ def test_a_constant_torque_warms_with_the_time_constant(heated: Robot, steps: in
     current_a = np.array([torque / (m.torque_constant_nm_a * m.gear_ratio) for m in motors])
     loss_w = np.array([m.winding_resistance_ohm for m in motors]) * current_a**2
     np.testing.assert_allclose(temperature_c - 25.0, 2.0 * loss_w * (1 - np.exp(-1)), rtol=1e-12)
+    cooled = warmed(np.full(N, 125.0), np.zeros(N), winding, 2 * TIME_CONSTANT_S)
+    np.testing.assert_allclose(cooled, 25.0 + 100.0 * np.exp(-2), rtol=1e-12)
 
 
 def test_the_current_limit_falls_between_two_temperatures(heated: Robot) -> None:
     for temperature_c, share in ((25.0, 1.0), (80.0, 1.0), (90.0, 0.75), (120.0, 0.0), (150.0, 0.0)):
         left = torque_share(np.full(N, temperature_c), winding_of(heated))
         np.testing.assert_allclose(left, share, rtol=1e-12)
+    without_derating = winding_of(with_each_motor(heated, derating_c=None))
+    np.testing.assert_array_equal(torque_share(np.full(N, 500.0), without_derating), 1.0)
 
 
-def test_a_motor_without_current_cools_to_the_air(heated: Robot) -> None:
-    cooled = warmed(np.full(N, 125.0), np.zeros(N), winding_of(heated), 2 * TIME_CONSTANT_S)
-    np.testing.assert_allclose(cooled, 25.0 + 100.0 * np.exp(-2), rtol=1e-12)
-
-
-def test_without_derating_a_hot_motor_has_its_full_torque(go1: Robot) -> None:
-    winding = winding_of(warm(go1, derating_c=None))
-    np.testing.assert_array_equal(torque_share(np.full(N, 500.0), winding), 1.0)
-
-
-@pytest.mark.parametrize(
-    ("given", "complaint"),
-    [
+def test_half_a_model_is_refused(own_folder: Path) -> None:
+    for given, complaint in (
         ({"thermal_resistance_k_w": 2.0}, "thermal_capacity_j_k"),
-        ({"derating_c": [80.0, 120.0]}, "thermal_resistance_k_w"),
-        (
-            {"thermal_resistance_k_w": 2.0, "thermal_capacity_j_k": 5.0, "derating_c": [80.0, 80.0]},
-            "derating_c",
-        ),
-    ],
-)
-def test_half_a_model_is_refused(own_folder: Path, given: dict, complaint: str) -> None:
-    with content_of(own_folder / "robot.yaml") as content:
-        next(iter(content["motors"].values())).update(given)
-    with pytest.raises(UserError, match=complaint):
-        load_robot(own_folder)
+        ({"thermal_resistance_k_w": None, "derating_c": [80.0, 120.0]}, "thermal_resistance_k_w"),
+        (THERMAL | {"derating_c": [80.0, 80.0]}, "derating_c"),
+    ):
+        with content_of(own_folder / "robot.yaml") as content:
+            content["motors"]["hip"].update(given)
+        assert complaint in refusal_of(load_robot, own_folder)
 
 
 def test_a_drawn_winding_temperature_needs_a_thermal_model(go1: Robot) -> None:
@@ -100,44 +81,41 @@ def test_a_drawn_winding_temperature_needs_a_thermal_model(go1: Robot) -> None:
         LocomotionEnv(go1, config)
 
 
-def walk(robot: Robot, sample: dict[str, np.ndarray], **settings: object) -> SimpleNamespace:
+def walk(robot: Robot, sample: dict[str, np.ndarray]) -> SimpleNamespace:
     """go1-flat for a second; its trace, and temperatures reported at the end."""
     seen: list[np.ndarray] = []
-    episode = Episode(
-        command_source=lambda _: np.array([0.5, 0.0, 0.0]), duration_s=1.0, sample=sample, **settings
-    )  # type: ignore[arg-type]
-    trace = run_episode(
-        robot, load_policy("go1-flat", robot), episode, lambda loop, _: seen.append(loop.temperature_c)
-    )
+    episode = Episode(lambda _: np.array([0.5, 0.0, 0.0]), duration_s=1.0, sample=sample)
+    policy = load_policy("go1-flat", robot)
+    trace = run_episode(robot, policy, episode, lambda loop, _: seen.append(loop.temperature_c))
     return SimpleNamespace(trace=trace, reported_c=seen[-2])
 
 
-def motors_behind_bus(robot: Robot, sample: dict[str, np.ndarray]) -> SimulatedMotors:
-    end = open_motor_end(wiring_of(robot))
-    return SimulatedMotors(end, robot.motor, N, sample, STEP_S, winding=robot.winding)
-
-
-def held(motors: SimulatedMotors, torque: float, seconds: float) -> np.ndarray:
-    """Final torque of enabled motors at rest after a constant commanded torque."""
+def held(
+    robot: Robot, sample: dict[str, np.ndarray], torque: float, seconds: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Final torque and winding temperature of enabled motors at rest after a constant commanded torque."""
+    motors = SimulatedMotors(
+        open_motor_end(wiring_of(robot)), robot.motor, N, sample, STEP_S, winding=robot.winding
+    )
     motors.enabled[:] = True
     motors._note_enabled()
     motors._watchdog.check = lambda *_: None  # type: ignore[method-assign]
     motors._values[4] = torque
     for step in range(round(seconds / STEP_S)):
         given = motors.torque(step, np.zeros(N), np.zeros(N))
-    return given
+    return given, motors.drivetrain.winding_c
 
 
-def test_a_held_torque_warms_with_the_time_constant(heated: Robot) -> None:
-    motors = motors_behind_bus(heated, {"ambient_k": np.array(-15.0), "winding_heating": np.full(N, 1.5)})
-    held(motors, 4.0, TIME_CONSTANT_S)
+def test_behind_the_bus_a_held_torque_warms_and_a_hot_motor_delivers_its_derated_torque(
+    heated: Robot,
+) -> None:
+    sample = {"ambient_k": np.array(-15.0), "winding_heating": np.full(N, 1.5)}
+    _, winding_c = held(heated, sample, 4.0, TIME_CONSTANT_S)
     rise = 1.5 * winding_of(heated).heating * 16.0 * (1 - np.exp(-1))
-    np.testing.assert_allclose(motors.drivetrain.winding_c, 10.0 + rise, rtol=1e-9)
-
-
-def test_a_hot_motor_delivers_its_derated_torque(heated: Robot) -> None:
-    motors = motors_behind_bus(heated, {"winding_rise_k": np.full(N, 75.0)})  # 100 degrees: half the current
-    given = held(motors, 100.0, STEP_S)
+    np.testing.assert_allclose(winding_c, 10.0 + rise, rtol=1e-9)
+    given, _ = held(
+        heated, {"winding_rise_k": np.full(N, 75.0)}, 100.0, STEP_S
+    )  # 100 degrees: half the current
     np.testing.assert_allclose(given, 0.5 * heated.motor.peak_torque)
 
 
@@ -155,12 +133,11 @@ def test_the_robot_walks_and_reports_its_temperatures(heated: Robot) -> None:
 def test_training_and_bus_have_the_same_thermal_model(heated: Robot) -> None:
     """The torque changes for a second, in control steps of training and in physics steps behind the bus."""
     env = LocomotionEnv(heated, CONFIG)
-    torque = 10.0 * np.random.default_rng(0).random((50, 10, N))
     sample = {"winding_rise_k": np.full(N, 40.0)}
     on_bus = np.full(N, 65.0)
     in_training = env.actuation.initial_winding_c(sample)
     np.testing.assert_allclose(in_training, on_bus, rtol=1e-6)
-    for step in torque:
+    for step in 10.0 * np.random.default_rng(0).random((50, 10, N)):
         in_training = env.actuation.next_winding_c(in_training, jnp.asarray(step), sample)
         for each in step:
             on_bus = warmed(on_bus, each**2, winding_of(heated), env.period_s / len(step))
