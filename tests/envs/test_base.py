@@ -78,16 +78,10 @@ def test_a_foots_speed_is_horizontal_and_of_the_last_physics_step() -> None:
 
 def to_shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: np.ndarray) -> np.ndarray:
     """Distance of points (n, 3) from the core of a shape: a box, or the line or point inside a round one."""
-    own, size = (
-        np.abs((point - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)),
-        model.geom_size[geom],
-    )
-    kind = mujoco.mjtGeom(model.geom_type[geom]).name
-    core = {
-        "mjGEOM_SPHERE": np.zeros(3),
-        "mjGEOM_CAPSULE": np.array([0.0, 0.0, size[1]]),
-        "mjGEOM_BOX": size,
-    }[kind]
+    size = model.geom_size[geom]
+    cores = {"SPHERE": np.zeros(3), "CAPSULE": np.array([0.0, 0.0, size[1]]), "BOX": size}
+    core = cores[mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix("mjGEOM_")]
+    own = np.abs((point - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
     return np.linalg.norm(np.maximum(own - core, 0.0), axis=1)
 
 
@@ -101,11 +95,8 @@ def test_points_are_on_the_shapes_that_can_collide_and_move_with_the_joints(name
     mujoco.mj_kinematics(model, data)
     positions = np.asarray(jax.jit(points.points)(data.qpos.astype(np.float32)))
     feet = {geom for foot in robot.description.feet for geom in foot.geoms}
-    shapes = [
-        geom
-        for geom in range(model.ngeom)
-        if (model.geom_contype[geom] or model.geom_conaffinity[geom]) and model.geom(geom).name not in feet
-    ]
+    collides = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
+    shapes = [geom for geom in collides if model.geom(geom).name not in feet]
     distances = np.array([to_shape(model, data, geom, positions) for geom in shapes])
     assert distances.min(axis=0).max() < 1e-5
     assert (distances < 1e-5).any(axis=1).all()  # no shape is without a point
@@ -129,8 +120,7 @@ def test_a_trunk_in_the_ground_ends_the_episode_and_standing_does_not() -> None:
     assert (float(collision(STANDING)), float(depth_m)) == (0.0, pytest.approx(0.02, abs=1e-6))
     assert base_contact(lying)
     assert not base_contact(lying, depth_m=0.03)
-    for clear in (STANDING, sunk_to(0.01)):
-        assert not base_contact(clear)
+    assert not any(map(base_contact, (STANDING, sunk_to(0.01))))
 
 
 @pytest.mark.parametrize("edge_m", np.arange(-0.1, 0.08, 0.03))

@@ -48,18 +48,14 @@ def test_impossible_settings_are_refused(make: Callable[[], object]) -> None:
 OLD = {
     "observation": [{"name": "gyro", "scale": 0.25}],
     "rewards": {"track_linear": 1.5, "pose": -0.1},
+    # yaw_sigma_rad2_s2 is a parameter of a reward that this preset does not have
     "reward_scales": {
-        "linear_sigma_m2_s2": 0.5,
-        "yaw_sigma_rad2_s2": 0.3,  # a parameter of a reward that this preset does not have
-        "least": -0.5,
-        "pose_shares": {"*hip*": 2.0},
+        "linear_sigma_m2_s2": 0.5, "yaw_sigma_rad2_s2": 0.3, "least": -0.5, "pose_shares": {"*hip*": 2.0},
     },
-    "tilt_limit_rad": 0.8,
-    "least_height_share": 0.6,
-    "initial": {"joint_rad": 0.05},
+    "tilt_limit_rad": 0.8, "least_height_share": 0.6, "initial": {"joint_rad": 0.05},
     "pushes": {"interval_s": {"low": 1.0, "high": 2.0}, "horizontal_m_s": 0.4},
     "curriculum": {"steps": 100, "commands": 0.5, "randomisation": 1.0},
-}
+}  # fmt: skip
 NEW = {
     "observation": [{"term": "gyro", "scale": 0.25}],
     "rewards": [

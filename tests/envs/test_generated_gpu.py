@@ -92,9 +92,7 @@ extern "C" void all(int blocks, int size, float** arrays) {
     ("name", "write", "exact"),
     [("go1", substep, False), ("go1", substep_by_threads, True), ("hexapod", substep_by_threads, False)],
 )
-def test_the_kernel_computes_the_same_as_the_program_for_processors(
-    name: str, write: Any, exact: bool, tmp_path: Path
-) -> None:
+def test_the_kernel_equals_the_processors_program(name: str, write: Any, exact: bool, tmp_path: Path) -> None:
     robot = load_robot(name)
     model = training_model(robot, exact_friction=exact)
     given = random_arguments(robot, model, ROBOTS, load_preset("gpu", robot).env.randomisation)

@@ -135,13 +135,11 @@ def test_an_elliptic_friction_cone_is_mujocos_and_nearly_converged(go1: Robot) -
 
 
 def test_each_robot_may_have_gravity_of_its_own_and_every_optional_effect_of_motors(go1: Robot) -> None:
-    effects = Randomisation(
-        torque_lag_s=Distribution(0.001, 0.006),
-        stribeck_friction=Distribution(0.1, 0.4),
-        load_friction=Distribution(0.02, 0.1),
-        backlash_rad=Distribution(0.005, 0.02),
-        gear_compliance=Distribution(0.001, 0.004),
-    )
+    ranges = {
+        "torque_lag_s": (0.001, 0.006), "stribeck_friction": (0.1, 0.4), "load_friction": (0.02, 0.1),
+        "backlash_rad": (0.005, 0.02), "gear_compliance": (0.001, 0.004),
+    }  # fmt: skip
+    effects = Randomisation(**{name: Distribution(*limits) for name, limits in ranges.items()})
     model = training_model(go1)
     given = random_arguments(go1, model, COUNT, effects)
     given[GRAVITY] = np.random.default_rng(1).normal([0.0, 0.0, -9.0], 2.0, (COUNT, 3))
@@ -163,12 +161,9 @@ def test_each_foot_may_touch_the_edge_of_another_level(go1: Robot, height: float
     floor.pos = [0.0, 0.0, low]
     like_floor = ("contype", "conaffinity", "condim", "friction", "solmix")
     spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[side] * 3,
-        pos=[*((edge - side) * away), high - side],
-        quat=[np.cos(0.2), 0.0, 0.0, np.sin(0.2)],
-        **{name: getattr(floor, name) for name in like_floor},
-    )
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=[side] * 3, pos=[*((edge - side) * away), high - side],
+        quat=[np.cos(0.2), 0.0, 0.0, np.sin(0.2)], **{name: getattr(floor, name) for name in like_floor},
+    )  # fmt: skip
     given = random_arguments(go1, flat, 2 * COUNT, Randomisation())
     given["qpos"][:, 0] *= 0.2  # near the edge
     given["qpos"][:, 2] += np.random.default_rng(1).uniform(low - 0.02, high, 2 * COUNT)
@@ -206,14 +201,10 @@ class TestRefusals:
         model = training_model(go1)
         model.opt.impratio = 2.0
         with_a_net = with_net(go1, tmp_path / "go1")
-        for robot, given, reason in (
-            (go1, model, "impratio"),
-            (with_a_net, training_model(with_a_net), "actuator_net"),
-        ):
+        rows = (go1, model, "impratio"), (with_a_net, training_model(with_a_net), "actuator_net")
+        for robot, given, reason in rows:
             engine = make_engine("generated", given, robot)
-            assert engine.name == "c"
-            for named in (reason, "go1"):
-                assert named in engine.note
+            assert (engine.name, reason in engine.note, "go1" in engine.note) == ("c", True, True)
 
     def test_a_missing_compiler_is_named(self, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
         for error in (ModuleNotFoundError("no llvmlite"), OSError("its library\ndoes not load")):

@@ -122,12 +122,11 @@ def observed(env: LocomotionEnv, mirrored: bool) -> dict[str, np.ndarray]:
             else:
                 sample[name] = joints(value) if name == "encoder_bias" else value[joints.source]
         order = np.concatenate([np.arange(7), 7 + joints.source])
+        linear, angular, joint_velocity = jnp.split(state.qvel, (3, 6))
         state = state._replace(
             sample=sample,
             qpos=state.qpos[order] * np.concatenate([VECTOR, [1.0, -1.0, 1.0, -1.0], joints.sign]),
-            qvel=jnp.concatenate(
-                [state.qvel[:3] * VECTOR, state.qvel[3:6] * ROTATION, joints(state.qvel[6:])]
-            ),
+            qvel=jnp.concatenate([linear * VECTOR, angular * ROTATION, joints(joint_velocity)]),
             command=state.command * jnp.array([1.0, -1.0, -1.0]),
             phase=state.phase + 0.5,
             actions=joints(state.actions),

@@ -1,16 +1,12 @@
 """Each reward term for an outcome calculated by hand: its value, its sign, and its maximum."""
 
-from dataclasses import replace
 from functools import cache
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from go1_smoke import ROBOT, SCENE, SMOKE
+from go1_smoke import ROBOT, SCENE
 
-from footfall.common.errors import UserError
-from footfall.envs.config import RewardConfig
-from footfall.envs.task import Task
 from footfall.envs.terms.data import StepData, example_data
 from footfall.envs.terms.rewards import REWARDS
 
@@ -22,16 +18,12 @@ PARAMETERS = {"track_linear": {"sigma_m2_s2": 0.25}, "track_yaw": {"sigma_rad2_s
 def perfect() -> StepData:
     """The first and the last foot stand, the others swing as planned. The robot follows its command."""
     return example_data(SCENE)._replace(
-        command=jnp.array([0.6, -0.2, 0.4]),
-        moving=jnp.float32(1.0),
-        linear_velocity=jnp.array([0.6, -0.2, 0.0]),
-        angular_velocity=jnp.array([0.0, 0.0, 0.4]),
+        command=jnp.array([0.6, -0.2, 0.4]), moving=jnp.float32(1.0),
+        linear_velocity=jnp.array([0.6, -0.2, 0.0]), angular_velocity=jnp.array([0.0, 0.0, 0.4]),
         foot_position=jnp.array([[0.2, 0.2, 0.0], [0.2, -0.2, 0.0], [-0.2, 0.2, 0.0], [-0.2, -0.2, 0.0]]),
-        contact=jnp.array([1.0, 0.0, 0.0, 1.0]),
-        clearance=jnp.array([0.0, 0.08, 0.08, 0.0]),
-        foot_speed=jnp.array([0.0, 1.5, 1.5, 0.0]),
-        swing=jnp.array([0.0, 1.0, 1.0, 0.0]),
-    )
+        contact=jnp.array([1.0, 0.0, 0.0, 1.0]), clearance=jnp.array([0.0, 0.08, 0.08, 0.0]),
+        foot_speed=jnp.array([0.0, 1.5, 1.5, 0.0]), swing=jnp.array([0.0, 1.0, 1.0, 0.0]),
+    )  # fmt: skip
 
 
 def value(name: str, **changes: object) -> float:
@@ -48,8 +40,7 @@ def value(name: str, **changes: object) -> float:
         ("track_linear", {"linear_velocity": [-0.6, 0.2, 0.0]}, np.exp(-(1.2**2 + 0.4**2) / 0.25)),
         ("track_yaw", {"angular_velocity": [7.0, 7.0, 0.9]}, np.exp(-0.5)),
         ("track_yaw", {"angular_velocity": [0.0, 0.0, -0.6]}, np.exp(-2.0)),
-        ("alive", {"fell": 1.0}, 0.0),
-        ("fall", {"fell": 1.0}, 1.0),
+        ("alive", {"fell": 1.0}, 0.0), ("fall", {"fell": 1.0}, 1.0),
         ("gait_contact", {"contact": [1.0, 1.0, 1.0, 1.0]}, 0.5),  # the swinging feet drag
         ("gait_contact", {"contact": [0.0, 0.0, 0.0, 0.0]}, 0.5),  # the standing feet are up
         ("gait_contact", {"contact": [0.0, 1.0, 1.0, 0.0]}, 0.0),
@@ -61,8 +52,7 @@ def value(name: str, **changes: object) -> float:
         ("orientation", {"gravity": [0.6, 0.0, -0.8]}, 0.36),
         ("orientation", {"gravity": [0.0, -0.6, -0.8]}, 0.36),
         ("height", {"height": SCENE.standing_height - 0.1}, 0.01),
-        ("upright", {"gravity": [0.0, 1.0, 0.0]}, 0.5),
-        ("upright", {"gravity": [0.0, 0.0, 1.0]}, 0.0),
+        ("upright", {"gravity": [0.0, 1.0, 0.0]}, 0.5), ("upright", {"gravity": [0.0, 0.0, 1.0]}, 0.0),
         ("raised", {"height": 0.5 * SCENE.standing_height}, 0.5),
         ("raised", {"height": 2.0 * SCENE.standing_height}, 1.0),
         ("raised", {"gravity": [0.0, 1.0, 0.0]}, 0.25),
@@ -70,8 +60,7 @@ def value(name: str, **changes: object) -> float:
         ("stands", {"joint_position": POSE - 0.5}, np.exp(-1.0)),
         ("stands", {"joint_velocity": np.full(12, -2.0)}, np.exp(-1.0)),
         ("stands", {"gravity": [0.3, 0.0, -np.sqrt(0.91)]}, np.exp(-1.0)),
-        ("joint_speed", {"joint_velocity": [3.0, -4.0]}, 25.0),
-        ("torque", {"torque": [3.0, -4.0]}, 25.0),
+        ("joint_speed", {"joint_velocity": [3.0, -4.0]}, 25.0), ("torque", {"torque": [3.0, -4.0]}, 25.0),
         ("power", {"torque": [3.0, -4.0], "joint_velocity": [-2.0, -1.0]}, 10.0),
         ("action_rate", {"actions": [[1.0, 0.0], [0.0, 2.0], [9.0, 9.0]]}, 5.0),
         ("action_acceleration", {"actions": [[1.0, 0.0], [0.0, 1.0], [3.0, 0.0]]}, 16.0 + 4.0),
@@ -84,7 +73,7 @@ def value(name: str, **changes: object) -> float:
         ("slip", {"foot_speed": [0.5, 1.5, 0.0, 0.0], "contact": [1.0, 1.0, 1.0, 1.0]}, 2.5),
         ("level_soles", {"foot_tilt": [0.01, 0.03, 0.0, 0.0]}, 1e-3),
     ],
-)
+)  # fmt: skip
 def test_each_term_has_the_calculated_value(name: str, changes: dict[str, object], expected: float) -> None:
     assert value(name, **changes) == pytest.approx(expected, rel=1e-5, abs=1e-7)
 
@@ -107,6 +96,3 @@ def test_the_first_pattern_that_matches_a_joint_gives_its_weight_in_pose() -> No
         moved = POSE + np.array([float(name == joint) for name in ROBOT.joint_names])
         data = perfect()._replace(joint_position=jnp.asarray(moved, jnp.float32))
         assert float(REWARDS["pose"](data, joint_shares=shares)) == pytest.approx(share, abs=1e-5), joint
-    entry = RewardConfig("pose", -1.0, settings={"joint_shares": {"*_toe": 1.0}})
-    with pytest.raises(UserError, match=r"env.rewards\[0\]: joint_shares: .*'\*_toe'"):
-        Task(replace(SMOKE, rewards=(entry,)), SCENE)

@@ -181,6 +181,7 @@ def test_a_refused_term_is_named_by_its_entry() -> None:
                 ("own_terms:AirTime", {"least_s": -1.0}, ".least_s"),
                 ("own_terms:crooked", {}, ": returns 12 numbers"),
                 ("own_terms:broken", {}, ": AttributeError"),
+                ("pose", {"joint_shares": {"*_toe": 1.0}}, ": joint_shares: "),
             )
         ),
         ({"rewards": (reward, RewardConfig("dance", 1.0))}, "env.rewards[1]: no reward 'dance'"),
@@ -193,6 +194,7 @@ def test_a_refused_term_is_named_by_its_entry() -> None:
         ({"critic": (named("mood"),)}, "env.critic[0]: no critic term 'mood'"),
         ({"critic": (named("own_terms:knees"),)}, "env.critic[0]"),
         ({"events": (EventConfig("own_terms:knees"),)}, "env.events[0]"),
+        ({"events": (EventConfig("slope"),)}, "generated"),
         ({"events": (EventConfig("push", settings={"horizontal_m_s": -1.0}),)}, "[0].horizontal_m_s"),
         ({"curricula": (CurriculumConfig("linear", "wind"),)}, "env.curricula[0].of"),
         ({"curricula": (CurriculumConfig("linear", "push"),)}, "env.curricula[0].start"),

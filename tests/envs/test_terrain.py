@@ -1,4 +1,7 @@
-"""Training on ground that is not level: robots rest on it as in MuJoCo C, and levels follow their success."""
+"""Training on ground that is not level: contact as in MuJoCo C, levels that follow success, height scans.
+
+Height scans equal the simulated robot's at the same position, and have a rate of their own.
+"""
 
 from dataclasses import replace
 from typing import Any
@@ -10,16 +13,21 @@ import pytest
 
 from footfall.common.config import structure
 from footfall.common.errors import UserError
+from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.randomisation import Randomisation
-from footfall.envs.config import TerrainConfig
+from footfall.envs.config import ObservationConfig, TerrainConfig
+from footfall.envs.height_scan import Scanner
+from footfall.envs.locomotion import LocomotionEnv
 from footfall.envs.make import make_environment
 from footfall.envs.physics.c import c_physics
 from footfall.envs.physics.interface import Motion
 from footfall.envs.state import State
 from footfall.plant.ground import replace_ground
+from footfall.plant.height_scan import SimulatedScanner
+from footfall.policies.height_scan import HeightScan
 from footfall.robots.description import Robot
 from footfall.robots.model import training_spec
-from footfall.terrain.declaration import at_difficulty, make_ground
+from footfall.terrain.declaration import GroundConfig, at_difficulty, make_ground
 from footfall.train.config import load_preset
 
 KINDS: list[dict[str, Any]] = [
@@ -116,3 +124,58 @@ def test_untrainable_ground_is_refused(go1: Robot) -> None:
     ):  # fmt: skip
         with pytest.raises(UserError, match=word):
             terrain(kinds, **changes)
+
+
+SCAN = HeightScan()
+STAIRS = GroundConfig("stairs", settings={"step_m": 0.12, "start_m": 0.4})
+Scanned = tuple[State, dict[str, jax.Array]]
+
+
+@pytest.fixture(scope="module")
+def scanning(go1: Robot) -> LocomotionEnv:
+    terms = (ObservationConfig("gyro", history=2), ObservationConfig("height_scan", 2.0))
+    stairs = TerrainConfig((STAIRS,), levels=2, start_levels=1)
+    return LocomotionEnv(go1, replace(load_preset("smoke", go1).env, observation=terms, terrain=stairs))
+
+
+@pytest.fixture(scope="module")
+def scanned(scanning: LocomotionEnv) -> Scanned:
+    """The states of four episodes on stairs."""
+    return jax.jit(jax.vmap(scanning.reset))(jnp.stack([jax.random.PRNGKey(seed) for seed in range(4)]))
+
+
+def test_training_and_the_plant_have_the_same_scans(scanned: Scanned) -> None:
+    ground, (states, observation) = make_ground(STAIRS, 0), scanned
+    for qpos, seen in zip(np.asarray(states.qpos, float), np.asarray(observation["state"]), strict=True):
+        plant = SimulatedScanner(SCAN, HeightScanErrors(), ground, lambda q=qpos: (q[:3], q[3:7]), 0)
+        observed = seen[-SCAN.size - 1 : -1] / 2.0
+        same = np.abs(observed - np.clip(plant.newest(0).heights, -1.0, 0.5)) < 1e-4
+        assert same.mean() > 0.97  # in single precision a point may be on the other side of an edge
+        assert np.ptp(observed) > 0.1
+
+
+def test_the_critic_sees_the_exact_scan(scanning: LocomotionEnv, go1: Robot, scanned: Scanned) -> None:
+    errors = HeightScanErrors(noise_m=0.1, lost_share=1.0, lost_before_s=0.0)
+    blinded = LocomotionEnv(go1, replace(scanning.config, height_scan_errors=errors))
+    _, observation = jax.jit(blinded.reset)(jax.random.PRNGKey(0))
+    exact = {name: each[0] for name, each in scanned[1].items()}
+    actor, frame = 2 * 3 + SCAN.size + 1, 3 + SCAN.size + 1
+    assert not np.asarray(observation["state"])[6:].any()
+    for each in (observation, exact):
+        seen = np.asarray(each["privileged_state"])[actor + 3 : actor + frame]
+        assert np.ptp(seen[:-1]) > 0.2
+        assert seen[-1] == 2.0
+
+
+def test_scans_are_late_at_their_rate(scanning: LocomotionEnv, scanned: Scanned) -> None:
+    """On a slope along x the first height shows the robot's position at the time of the scan."""
+    late = Scanner(SCAN, HeightScanErrors(lag_s=(0.05, 0.05)), scanning.scene.base, scanning.period_s)
+    state = jax.tree.map(lambda leaf: leaf[0], scanned[0])
+    level = state.qpos.at[3:7].set(jnp.array([1.0, 0.0, 0.0, 0.0]))
+    u, seen_at = jnp.full(late.numbers, 0.5), []
+    for step in range(12):
+        here = state._replace(qpos=level.at[0].set(0.01 * step), steps=jnp.int32(step))
+        state, heights = late.deliver(here, lambda position: position[..., 0], u, is_reset=step == 0)
+        seen_at.append(float(heights[0] + here.qpos[2] - SCAN.points[0, 0]) / 0.01)
+    taken = np.maximum(0, 2 * ((np.arange(12) - 2.5) // 2)).astype(int)
+    np.testing.assert_allclose(seen_at, taken, atol=1e-3)

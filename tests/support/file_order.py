@@ -6,7 +6,7 @@ TRAININGS = (
     *("train/test_cluster.py", "train/test_sweep.py", "train/test_runs.py", "train/test_failure.py"),
     "footfall/test_cli_train.py",
 )
-UPDATES = ("train/test_ppo.py", "train/test_iteration.py", "train/test_networks.py")
+UPDATES = ("train/test_ppo.py", "train/test_iteration.py")
 TOGETHER = {file: group[0] for group in (TRAININGS, UPDATES) for file in group}
 
 # The files that take longest, in decreasing order. Otherwise one worker would still be busy when the others

@@ -19,15 +19,10 @@ from footfall.train.config import PpoConfig, load_preset
 NOT_MOVED = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
 ENVIRONMENTS, UNROLL = 8, 4
 CONFIG: PpoConfig = replace(
-    load_preset("smoke").ppo,
-    num_envs=ENVIRONMENTS,
-    num_steps_per_env=UNROLL,
-    num_mini_batches=1,
-    num_learning_epochs=1,
-    learning_rate=1e-3,
-    final_learning_rate=1e-3,
+    load_preset("smoke").ppo, num_envs=ENVIRONMENTS, num_steps_per_env=UNROLL, num_mini_batches=1,
+    num_learning_epochs=1, learning_rate=1e-3, final_learning_rate=1e-3,
     lam=0.0,  # a value's target is the reward and the discounted next value
-)
+)  # fmt: skip
 NETWORKS = make_networks(SIZES, ACTIONS, CONFIG)
 environment = partial(NumberEnvironment, ENVIRONMENTS)
 

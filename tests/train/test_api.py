@@ -32,8 +32,9 @@ from footfall.train.trainers import TRAINERS
 OWN = "own_trainer:StandingTrainer"
 
 
-def own(run: Run) -> Run:
-    """The run as one of a trainer that computes nothing."""
+@pytest.fixture
+def run(run: Run) -> Run:
+    """A run of a trainer that computes nothing."""
     provenance = replace(run.provenance, trainer=OWN)
     (run.folder / "run.yaml").write_text(dump(provenance))
     return replace(run, provenance=provenance)
@@ -67,7 +68,6 @@ def resumed(run: Run) -> str:
 
 
 def test_a_run_is_finished_with_its_last_checkpoint_and_its_policy(run: Run) -> None:
-    run = own(run)
     last, earlier = (run.checkpoints / f"000000{iteration}.ckpt" for iteration in (16, 15))
     for lose in (lambda: None, lambda: last.rename(earlier).write_text("15"), run.policy.unlink):
         lose()
@@ -85,7 +85,6 @@ def test_a_user_without_a_home_trains_without_a_cache(monkeypatch: pytest.Monkey
 
 
 def test_a_cache_that_others_may_write_is_not_used(run: Run, private_cache: Path) -> None:
-    run = own(run)
     run.checkpoints.mkdir()
     (run.checkpoints / "00000016.ckpt").touch()
     run.policy.touch()
@@ -102,7 +101,6 @@ def test_a_cache_that_others_may_write_is_not_used(run: Run, private_cache: Path
 
 
 def test_an_export_is_of_the_last_checkpoint_or_of_the_given_one(run: Run, tmp_path: Path) -> None:
-    run = own(run)
     with pytest.raises(UserError):
         api.export_run(run.folder)
     run.checkpoints.mkdir()

@@ -61,9 +61,7 @@ def test_two_processes_train_one_run_that_one_process_continues(
     assert checkpoint.latest(folder / "checkpoints") == folder / "checkpoints" / "00000006.ckpt"
 
 
-def test_each_process_resumes_from_the_first_processs_checkpoint_or_not_at_all(
-    whole_run: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_processes_resume_from_one_checkpoint(whole_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     opened = api.open_run(whole_run)
     monkeypatch.setattr(cluster, "processes", lambda: 2)
     oldest = min(opened.checkpoints.iterdir())  # this process sees newer ones

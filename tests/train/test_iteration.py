@@ -1,4 +1,4 @@
-"""One iteration: rollout, update, statistics and metrics, on an environment of a few numbers."""
+"""One iteration: networks, rollout, update, statistics and metrics, on an environment of a few numbers."""
 
 from dataclasses import replace
 from typing import Any
@@ -9,11 +9,13 @@ import number_environment
 import numpy as np
 import pytest
 from brax.training.acme import running_statistics
-from number_environment import COUNTING, COUNTING_NETWORKS, SIZES, CountingEnvironment, NumberEnvironment
+from brax.training.agents.ppo.networks import PPONetworks
+from number_environment import ACTIONS, COUNTING, COUNTING_NETWORKS, SIZES, CountingEnvironment
 from ppo_on_numbers import CONFIG, ENVIRONMENTS, NETWORKS, NOT_MOVED, UNROLL, environment, first_state
 
 from footfall.train.brax import iteration, ppo, rollout
 from footfall.train.brax.iteration import make_iteration
+from footfall.train.brax.networks import actor_means_function, dense_layers, make_networks, trained_actor
 from footfall.train.brax.state import TrainState
 from footfall.train.brax.statistics import MIN_STD, moments, updated, updated_alone
 from footfall.train.stacked import StackedScalars, floats
@@ -34,7 +36,7 @@ def test_an_iteration_follows_observations_episodes_and_steps() -> None:
     assert float(metrics["learning/kl_mean"]) == pytest.approx(0.0, abs=NOT_MOVED)
 
 
-class Reaching(NumberEnvironment):
+class Reaching(number_environment.NumberEnvironment):
     """Rewards actions near one."""
 
     TARGET = np.array([0.5, -0.3], np.float32)
@@ -127,3 +129,57 @@ class TestStatistics:
         for after in (updated(start, moments(start, constant), 200), updated_alone(start, constant)):
             np.testing.assert_allclose(after.mean["state"], 9.81, rtol=1e-6)
             assert float(after.std["state"][0]) == np.float32(MIN_STD)
+
+
+def outputs(networks: PPONetworks, state: TrainState, seen: Any) -> tuple[Any, Any]:
+    """The actor's action and the critic's value."""
+    value = networks.value_network.apply(state.normalizer, state.params.value, seen)
+    return networks.policy_network.apply(state.normalizer, state.params.policy, seen)[0], value
+
+
+def shown(factor: float = 1.0) -> dict[str, jax.Array]:
+    """Random observations; the privileged one is multiplied by a factor."""
+    seen = {name: jax.random.normal(jax.random.key(size), (50, size)) for name, size in SIZES.items()}
+    return seen | {"privileged_state": factor * seen["privileged_state"]}
+
+
+def test_only_the_critic_uses_the_privileged_observation(counting: TrainState) -> None:
+    seen = (shown(factor) for factor in (1.0, 3.0))
+    (action, value), (same, other) = (outputs(COUNTING_NETWORKS, counting, each) for each in seen)
+    assert not np.allclose(value, other)
+    np.testing.assert_array_equal(action, same)
+
+
+def test_bfloat16_outputs_equal_float32_within_the_rounding_of_16_bits(counting: TrainState) -> None:
+    """The sizes of the networks' inputs are no multiple of the alignment."""
+    networks = (make_networks(SIZES, ACTIONS, replace(COUNTING, bfloat16=True)), COUNTING_NETWORKS)
+    both = (outputs(each, number_environment.with_scaled_actor(counting), shown()) for each in networks)
+    for rounded, exact in zip(*both, strict=True):
+        assert rounded.dtype == jnp.float32
+        assert not np.array_equal(rounded, exact)
+        assert jnp.linalg.norm(rounded - exact) < 0.02 * jnp.linalg.norm(exact)
+
+
+class TestActor:
+    def test_an_exported_actor_is_the_network_that_was_trained(self, counting: TrainState) -> None:
+        policy = jax.tree.map(lambda x: 1.5 * x, counting.params.policy)
+        seen = {name: 2.0 + 3.0 * each for name, each in shown().items()}
+        normalizer = running_statistics.update(counting.normalizer, seen)
+        actor = trained_actor(actor_means_function(COUNTING_NETWORKS), normalizer, policy)
+        assert [kernel.shape for kernel, _ in actor.layers] == [(3, 6), (6, 5), (5, 2)]
+        observed = np.random.default_rng(1).normal(size=(5, 3)).astype(np.float32)
+        x = (observed - actor.mean) / actor.scale
+        for kernel, bias in actor.layers[:-1]:
+            x = jax.nn.elu(x @ kernel + bias)
+        kernel, bias = actor.layers[-1]
+        np.testing.assert_allclose(actor.act(observed), x @ kernel + bias, atol=1e-5)
+        np.testing.assert_allclose(actor.mean, np.asarray(seen["state"]).mean(axis=0), rtol=1e-4)
+        assert actor.trainer == "brax"
+
+    def test_layers_are_in_order_though_their_names_are_not(self) -> None:
+        numbers = {f"hidden_{k}": k for k in (10, 2, 0, 11, 1)} | {"mean": 99}
+        layers = {name: {"kernel": np.full((1, 1), k), "bias": np.full(1, -k)} for name, k in numbers.items()}
+        found = dense_layers({"params": layers | {"log_std": np.ones(1)}})
+        assert [int(kernel[0, 0]) for kernel, _ in found] == [0, 1, 2, 10, 11, 99]
+        assert [int(bias[0]) for _, bias in found] == [0, -1, -2, -10, -11, -99]
+        assert all(part.dtype == np.float32 for layer in found for part in layer)

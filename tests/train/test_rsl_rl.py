@@ -103,9 +103,7 @@ def some_actions() -> torch.Tensor:
     return 0.3 * torch.randn((PPO.num_envs, 12), generator=torch.Generator().manual_seed(1))
 
 
-def test_torch_uses_jaxs_memory_and_metrics_are_recent_means(
-    environment: TorchEnvironment,
-) -> None:
+def test_torch_uses_jaxs_memory_and_metrics_are_recent_means(environment: TorchEnvironment) -> None:
     for _ in range(2):
         rewards = []
         for _ in range(4):

@@ -37,10 +37,6 @@ def last_checkpoint(run: Path) -> bytes:
     return checkpoint.latest(run / "checkpoints").read_bytes()
 
 
-def logged_steps(run: Path) -> list[int]:
-    return [json.loads(line)["step"] for line in (run / "metrics.jsonl").read_text().splitlines()]
-
-
 def test_the_same_seed_gives_the_same_bits_and_a_killed_run_resumes_to_them(
     six_iterations: str, whole_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -66,7 +62,9 @@ def test_the_same_seed_gives_the_same_bits_and_a_killed_run_resumes_to_them(
     for run in (again, *left.values()):
         assert last_checkpoint(run) == last_checkpoint(whole_run)
         assert (run / "policy.onnx").read_bytes() == (whole_run / "policy.onnx").read_bytes()
-        assert logged_steps(run) == logged_steps(whole_run)
+        logs = ((each / "metrics.jsonl").read_text().splitlines() for each in (run, whole_run))
+        steps, expected = ([json.loads(line)["step"] for line in log] for log in logs)
+        assert steps == expected
 
 
 def test_a_finished_run_is_not_changed_and_a_lost_policy_is_exported_again(

@@ -33,16 +33,12 @@ def test_environment_and_learning_settings_distinguish_programs(go1: Robot, tmp_
     """Other settings, such as the interval of checkpoints, do not; nor does the way through a run's file."""
     plain = load_preset("smoke")
     env, ppo = plain.env, plain.ppo
-    others = (
-        *(
-            replace(plain, env=replace(env, **changes))
-            for changes in (
-                {}, {"rewards": (*env.rewards, RewardConfig("torque", -1.0))}, {"substeps": env.substeps + 1},
-                {"commands": replace(env.commands, standing_command=0.2)},
-            )
-        ),
-        replace(plain, ppo=replace(ppo, learning_rate=2 * ppo.learning_rate)),
+    changes = (
+        {}, {"rewards": (*env.rewards, RewardConfig("torque", -1.0))}, {"substeps": env.substeps + 1},
+        {"commands": replace(env.commands, standing_command=0.2)},
     )  # fmt: skip
+    others = [replace(plain, env=replace(env, **each)) for each in changes]
+    others.append(replace(plain, ppo=replace(ppo, learning_rate=2 * ppo.learning_rate)))
     made = [fingerprint(made_from(go1, config)) for config in others]
     made.append(fingerprint(made_from(load_robot("hexapod"), plain)))
     assert len(set(made)) == len(made), made
@@ -77,9 +73,7 @@ def test_a_kept_program_is_not_traced(tmp_path: Path, go1: Robot, monkeypatch: p
     assert (float(state.iteration[0]), iteration, requested[3:]) == (6.0, Iteration("act", "learn"), read[:2])
 
 
-def test_ctrl_c_does_not_wait_for_the_compiler(
-    tmp_path: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_ctrl_c_waits_for_no_compiler(tmp_path: Path, go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     run, compiled = begun(tmp_path), Event()
     assembled = assemble(run.config, go1)
 
