@@ -82,13 +82,10 @@ def test_delays_must_fit_the_buffers() -> None:
     """The buffers keep three goals and the readings of two control steps of 25 ms."""
     goals, readings = ("action_delay_s", "action_swing_s"), ("observation_delay_s", "observation_jitter_s")
     for name, limit in (*((name, 0.05) for name in goals), *((name, 0.025) for name in readings)):
-        within, beyond = (
-            replace(CONFIG, randomisation=Randomisation(**{name: Distribution(0.0, limit + more)}))
-            for more in (0.0, 0.001)
-        )
-        LocomotionEnv(ROBOT, within)
+        within, beyond = (Randomisation(**{name: Distribution(0.0, limit + more)}) for more in (0.0, 0.001))
+        LocomotionEnv(ROBOT, replace(CONFIG, randomisation=within))
         with pytest.raises(UserError, match=f"{name}: .*{limit}"):
-            LocomotionEnv(ROBOT, beyond)
+            LocomotionEnv(ROBOT, replace(CONFIG, randomisation=beyond))
 
 
 def test_the_joint_law_of_a_physics_step_reads_the_motors_own_encoders() -> None:

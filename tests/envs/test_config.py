@@ -30,14 +30,10 @@ RANGES = CommandRange((-1.0, 1.0), (-0.5, 0.5), (-1.0, 1.0))
         lambda: CommandConfig(CommandRange((0.0, 0.0), (0.0, 0.0), (1.0, -1.0))),
         lambda: EventConfig("push", interval_s=Distribution(0.0, 1.0)),
         lambda: ObservationConfig("gyro", history=0),
-        *(
-            lambda name=name, value=value: replace(CONFIG, **{name: value})
-            for name, value in (
-                ("control_rate_hz", 0.9), ("control_rate_hz", 1000.1), ("episode_s", 0.0),
-                ("speed_limit", 0.0), ("curriculum_steps", -1), ("reward_floor", 0.1), ("substeps", 1),
-                ("episode_s", 0.0249),
-            )
-        ),
+        lambda: replace(CONFIG, control_rate_hz=0.9), lambda: replace(CONFIG, control_rate_hz=1000.1),
+        lambda: replace(CONFIG, episode_s=0.0), lambda: replace(CONFIG, episode_s=0.0249),
+        lambda: replace(CONFIG, speed_limit=0.0), lambda: replace(CONFIG, curriculum_steps=-1),
+        lambda: replace(CONFIG, reward_floor=0.1), lambda: replace(CONFIG, substeps=1),
     ],
 )  # fmt: skip
 def test_impossible_settings_are_refused(make: Callable[[], object]) -> None:
@@ -86,11 +82,9 @@ def test_settings_of_older_runs_become_lists_of_terms() -> None:
 
 def test_a_robots_changes_in_the_old_form_reach_the_terms_of_a_preset() -> None:
     changes = {
-        "rewards": {"pose": -0.7, "torque": -1.0},
-        "reward_scales": {"linear_sigma_m2_s2": 0.01, "swing_height_m": 0.03},
-        "pushes": {"horizontal_m_s": 0.1},
-        "initial": {"tilt_rad": 0.2},
-    }
+        "rewards": {"pose": -0.7, "torque": -1.0}, "pushes": {"horizontal_m_s": 0.1},
+        "reward_scales": {"linear_sigma_m2_s2": 0.01, "swing_height_m": 0.03}, "initial": {"tilt_rad": 0.2},
+    }  # fmt: skip
     changed = merged(NEW, with_terms(changes))
     assert changed["rewards"] == [
         {"term": "track_linear", "weight": 1.5, "sigma_m2_s2": 0.01},

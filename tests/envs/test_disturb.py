@@ -70,10 +70,8 @@ class TestPush:
         starts = {"commands": 0.5, "push": 0.0}
         curricula = tuple(CurriculumConfig("linear", of, settings={"start": s}) for of, s in starts.items())
         due = begun._replace(event_steps={"push": jnp.int32(0)}, hold_steps=jnp.int32(0))
-        easy, half, full = (
-            self.after(due._replace(level=jnp.float32(level)), curricula=curricula)
-            for level in (0.0, 0.5, 1.0)
-        )
+        levels = (due._replace(level=jnp.float32(level)) for level in (0.0, 0.5, 1.0))
+        easy, half, full = (self.after(state, curricula=curricula) for state in levels)
         np.testing.assert_allclose(easy.command, 0.5 * full.command, rtol=1e-6)
         np.testing.assert_allclose(half.command, 0.75 * full.command, rtol=1e-6)
         np.testing.assert_array_equal(easy.qvel, due.qvel)

@@ -103,10 +103,8 @@ def observed(env: LocomotionEnv, mirrored: bool) -> dict[str, np.ndarray]:
     quaternion = normal(4)
     state = state._replace(
         qpos=jnp.concatenate([normal(3), quaternion / jnp.linalg.norm(quaternion), normal(12)]),
-        qvel=normal(18),
-        command=jnp.array([0.7, 0.3, -0.4]),
-        actions=normal(3, 12),
-    )
+        qvel=normal(18), command=jnp.array([0.7, 0.3, -0.4]), actions=normal(3, 12),
+    )  # fmt: skip
     contact, clearance, torque = normal(4), normal(4), normal(12)
     if mirrored:
         joints, feet, bodies, _ = find_symmetry(env.robot)
@@ -128,9 +126,8 @@ def observed(env: LocomotionEnv, mirrored: bool) -> dict[str, np.ndarray]:
             qpos=state.qpos[order] * np.concatenate([VECTOR, [1.0, -1.0, 1.0, -1.0], joints.sign]),
             qvel=jnp.concatenate([linear * VECTOR, angular * ROTATION, joints(joint_velocity)]),
             command=state.command * jnp.array([1.0, -1.0, -1.0]),
-            phase=state.phase + 0.5,
-            actions=joints(state.actions),
-        )
+            phase=state.phase + 0.5, actions=joints(state.actions),
+        )  # fmt: skip
         contact, clearance, torque = contact[feet], clearance[feet], joints(torque)
     recent = jnp.tile(env.observer.readings(state.qpos, state.qvel, torque), (2 * env.config.substeps, 1))
     no_noise = jnp.full(6 + 2 * env.action_size, 0.5)

@@ -19,7 +19,7 @@ import footfall
 from footfall.envs.workarounds import program_cache
 from footfall.envs.workarounds.program_cache import fingerprint, prefetch
 
-FAR_FUTURE_NS = 2**63
+IN_2001_NS, FAR_FUTURE_NS = 10**18, 2**63
 
 
 @struct.dataclass
@@ -109,7 +109,8 @@ def test_a_changed_source_makes_another_program_which_is_not_kept_if_it_changed_
     monkeypatch.setattr(program_cache, "SOURCES", tmp_path / "source")
     for text, imported_at, made, files in (
         ("one", FAR_FUTURE_NS, 1, 1), ("two", FAR_FUTURE_NS, 2, 2), ("one", FAR_FUTURE_NS, 2, 2),
-        ("new", 0, 3, 2), ("new", FAR_FUTURE_NS, 4, 3), ("new", 0, 5, 3), ("new", FAR_FUTURE_NS, 5, 3),
+        ("new", IN_2001_NS, 3, 2), ("new", FAR_FUTURE_NS, 4, 3), ("new", IN_2001_NS, 5, 3),
+        ("new", FAR_FUTURE_NS, 5, 3),
     ):  # fmt: skip
         source.write_text(text)
         os.utime(source, (0, 0))  # as an editor or a checkout may do

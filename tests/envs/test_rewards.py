@@ -26,11 +26,6 @@ def perfect() -> StepData:
     )  # fmt: skip
 
 
-def value(name: str, **changes: object) -> float:
-    changed = {key: jnp.asarray(each, dtype=jnp.float32) for key, each in changes.items()}
-    return float(REWARDS[name](perfect()._replace(**changed), **PARAMETERS.get(name, {})))
-
-
 @pytest.mark.parametrize(
     ("name", "changes", "expected"),
     [
@@ -75,7 +70,9 @@ def value(name: str, **changes: object) -> float:
     ],
 )  # fmt: skip
 def test_each_term_has_the_calculated_value(name: str, changes: dict[str, object], expected: float) -> None:
-    assert value(name, **changes) == pytest.approx(expected, rel=1e-5, abs=1e-7)
+    data = perfect()._replace(**{key: jnp.asarray(each, jnp.float32) for key, each in changes.items()})
+    found = REWARDS[name](data, **PARAMETERS.get(name, {}))
+    assert float(found) == pytest.approx(expected, rel=1e-5, abs=1e-7)
 
 
 def test_parameters_change_a_term() -> None:

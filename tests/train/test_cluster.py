@@ -33,13 +33,20 @@ def test_two_processes_train_one_run_that_one_process_continues(
     with socket.socket() as free:
         free.bind(("localhost", 0))
         coordinator = f"localhost:{free.getsockname()[1]}"
-    options = ("--preset", six_iterations, "--steps", "1024", "--out", "run", "--no-evaluate")
+    options = (
+        "--preset",
+        six_iterations,
+        "--steps",
+        "1024",
+        "--out",
+        "run",
+        "--no-evaluate",
+        "--processes",
+        "2",
+    )
     command = (sys.executable, "-m", "footfall", "train", *options, "--coordinator", coordinator)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    started = [
-        subprocess.Popen((*command, "--processes", "2", "--process", index), cwd=tmp_path, **pipes)
-        for index in "01"
-    ]
+    started = [subprocess.Popen((*command, "--process", index), cwd=tmp_path, **pipes) for index in "01"]
     try:
         first, second = (process.communicate(timeout=420)[0] for process in started)
     finally:
