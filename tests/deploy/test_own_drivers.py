@@ -42,21 +42,18 @@ def test_a_robot_with_own_motor_and_imu_drivers_holds_its_pose(go1: Robot, proto
             positions.append(loop.sensed.joint_position)
 
     outcome = run_session(robot, Hold(robot), simulated.bus, session, watch)
-    assert outcome.faults == ()
-    assert outcome.walked_s == pytest.approx(0.3, abs=0.005)
+    assert (outcome.faults, outcome.walked_s) == ((), pytest.approx(0.3, abs=0.005))
     np.testing.assert_allclose(positions[-1], robot.default_pose, atol=0.1)
     assert not simulated.body.motors_on.any()
 
 
-def test_filters_and_readings_come_from_the_users_imu(go1: Robot) -> None:
+def test_the_users_imu_has_filters_readings_and_ids(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motor with one of its ids is refused."""
     wiring = wiring_of(with_own(go1))
     assert OwnImu.filters[0] in filters_of(wiring)
     imu, end = open_imu(wiring), open_imu_end(wiring)
     imu.absorb(end.encode(imu.reading._replace(gyro=(0.1, -0.2, 0.3))), 5000)
     assert (imu.reading.gyro, imu.arrived_us) == ((0.1, -0.2, 0.3), 5000)
-
-
-def test_a_motor_with_the_own_imus_ids_is_refused(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(OwnDriver, "identifiers", staticmethod(lambda motor: (0x4FE + motor,)))
     with pytest.raises(UserError, match=r"FR_thigh_joint .*IMU.* 0x500"):
         open_driver(wiring_of(with_own(go1, hip=MOTOR, knee=MOTOR)))
