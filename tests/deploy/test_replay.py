@@ -157,8 +157,7 @@ class TestRecover:
             header, summary = reader.get_header(), reader.get_summary()
             assert (header.profile, header.library) == ("ros2", "a library")
             assert [(m.name, m.metadata) for m in reader.iter_metadata()] == [("who", {"robot": "rex"})]
-        assert k == 5
-        assert (len(summary.schemas), len(summary.channels)) == (2, 3)
+        assert (k, len(summary.schemas), len(summary.channels)) == (5, 2, 3)
 
     def test_paths_that_are_the_log_itself_unreadable_or_unwritable_are_refused(self, damaged: Path) -> None:
         before, folder = damaged.read_bytes(), damaged.parent

@@ -95,10 +95,7 @@ class TestTorques:
     """Torques relative to the peak torque."""
 
     def test_a_stuck_torque_counts_from_its_first_window_to_the_last_but_one(self, go1: Robot) -> None:
-        """The command rises by the peak torque a second: 0.04 from each window to the next.
-
-        The torque should change by 0.04, 0.08 and 0.12, of which 0.03 may be hidden each time.
-        """
+        """The command rises by 0.04 a window: 0.04, 0.08 and 0.12 are due; 0.03 may be hidden each time."""
         added_up = [0.0, 0.0, 0.01, 0.01 + 0.05, 0.01 + 0.05 + 0.09]
         for samples, expected in zip((10, 20, 30, 40, 50), added_up, strict=True):
             share = measured(go1, TorqueStuck, torque=lambda t: (0.3, t), samples=samples)
@@ -135,10 +132,7 @@ class TestTorques:
             assert found_s[0] == pytest.approx(no_torque_s, abs=1e-12)
 
     def test_a_repeated_reply_counts_from_the_window_after_the_targets_motion(self, go1: Robot) -> None:
-        """The joint reports no motion and no torque. Its target leaps, perhaps with a window's last tick.
-
-        Only what the next window expects of the leap counts.
-        """
+        """The target leaps, perhaps with a window's last tick: only what the next window expects counts."""
         stiffness, peak = 50.0, float(go1.motor.peak_torque[0])
 
         def leap(time_s: float) -> float:

@@ -129,10 +129,7 @@ def test_the_difference_to_the_gyro_adds_up_and_fades(go1: Robot) -> None:
 
 
 def test_readings_of_the_imu_that_repeat_themselves_count_while_the_body_moves(go1: Robot) -> None:
-    """An acceleration counts half where the body does not turn; gyro and quaternion where the other turns.
-
-    The joints move at 1 rad/s for two windows.
-    """
+    """An acceleration counts half where the body does not turn; gyro and quaternion where the other turns."""
 
     def turning(k: int) -> Inertial:
         """Only the quaternion turns, about z at 0.1 rad/s."""
@@ -148,7 +145,7 @@ def test_readings_of_the_imu_that_repeat_themselves_count_while_the_body_moves(g
         (imu.QuaternionRepeated, lambda k: STILL._replace(gyro=(0.0, 0.1 + 0.001 * (k % 2), 0.0)), 0.08),
     ):
         windows = BodyWindows(go1, check, reading(0))
-        for first in (1, PER_WINDOW + 1):
+        for first in (1, PER_WINDOW + 1):  # two windows in which the joints move
             repeated_s = windows.update(*map(reading, range(first, first + PER_WINDOW)), speed_rad_s=1.0)
         assert repeated_s == pytest.approx(expected_s), check
 

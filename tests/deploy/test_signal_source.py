@@ -36,10 +36,7 @@ def refused(loop: ControlLoop, body: FrameRobot) -> tuple[str, ...]:
 
 
 def test_a_first_position_may_be_off_by_whole_turns_alone(go1: Robot) -> None:
-    """The joint's range is 1 to 2 rad; the others are in the default pose.
-
-    With a gear ratio of 6.33 a turn of the rotor is 0.99 rad, less than the first joint's range of 1.7 rad.
-    """
+    """The joint's range is 1 to 2 rad; the others are in the default pose."""
     labels = [f"joint {joint}" for joint in range(12)]
     lower, upper, pose = go1.lower_rad.copy(), go1.upper_rad.copy(), go1.default_pose.copy()
     lower[4], upper[4] = 1.0, 2.0
@@ -56,6 +53,7 @@ def test_a_first_position_may_be_off_by_whole_turns_alone(go1: Robot) -> None:
         assert fault.startswith("joint 4 reads")
         assert turns in fault
         assert ("of the joint" in fault) is bool(turns)
+    # With a gear ratio of 6.33 a turn of the rotor is 0.99 rad, less than the first joint's range of 1.7 rad.
     pose, turn_rad = go1.default_pose.copy(), math.tau / go1.motor_figures("gear_ratio")[0]
     pose[0] = go1.upper_rad[0] + 0.5
     fault = impossible_pose(go1, labels, pose, 0.1)
