@@ -14,16 +14,14 @@ TWO = two_motors("DM4310", "DM8009")
 
 
 def test_frames_are_encoded_and_decoded_as_in_the_manual() -> None:
-    """3.2 rad in ±12.5 is 15.7 / 25 of 65535: 41156, 0xa0c4. The range uses all codes.
-
-    State 1 and id 3 share byte 0 of a reply. The hotter of MOSFETs and rotor counts. States above 1: errors.
-    """
+    """3.2 rad in ±12.5 is 15.7 / 25 of 65535: 41156, 0xa0c4. The range uses all codes."""
     driver = DamiaoDriver(TWO)
     read_settings(driver, DamiaoMotorEnd(TWO))
     values = np.array([[-12.5, 3.2], [30.0, -45.0], [0.0, 500.0], [5.0, 0.0], [-10.0, 54.0]])
     frames = driver.command(values)
     assert frames.id.tolist() == [3, 3]
     assert hexed(frames) == ["00 00 ff f0 00 ff f0 00", "a0 c4 00 0f ff 00 0f ff"]
+    # State 1 and id 3 share byte 0. Of MOSFETs and rotor the hotter counts. States above 1 are errors.
     replies = driver.replies(frame(0x203, "13 ff ff 00 0f ff 28 2d"))
     assert np.arange(2)[replies.motor].tolist() == [0]
     np.testing.assert_allclose(replies.values[:, 0], [12.5, -30.0, 10.0])
