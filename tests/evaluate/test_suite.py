@@ -153,7 +153,7 @@ def test_brackets_in_a_name_are_not_markup() -> None:
     assert printed.getvalue().count("[bold]mine") == 2  # over its column and in the verdict
 
 
-def test_the_origin_names_the_trainer_and_a_motion_prior(contract: Contract) -> None:
+def test_the_origin_names_trainer_motion_prior_and_estimate(contract: Contract, go1: Robot) -> None:
     def learned(contract: Contract, **facts: str) -> Any:
         return SimpleNamespace(contract=contract, rate_hz=50.0, needs_estimate=False, **facts)
 
@@ -164,8 +164,5 @@ def test_the_origin_names_the_trainer_and_a_motion_prior(contract: Contract) -> 
     assert origin(learned(without)) == "learned policy, 50 Hz, no motion prior"
     by_trainer = "learned policy (trained by rsl_rl), 50 Hz, no motion prior"
     assert origin(learned(without, trainer="rsl_rl")) == by_trainer
-
-
-def test_hand_written_controllers_declare_whether_they_need_an_estimate(go1: Robot) -> None:
     assert origin(load_policy("stand", go1)) == "hand-written controller, 500 Hz"
     assert "on estimated velocity" in origin(load_policy("mpc", go1))

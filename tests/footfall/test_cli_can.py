@@ -119,9 +119,7 @@ class TestVirtual:
             outcome = shell("can", "clear", "--bus", "virtual", *options)
             assert (outcome.status, outcome.err) == (0, ""), outcome
             first, *_, last = outcome.out.splitlines()
-            assert first.startswith(JOINT)
-            assert message in first
-            assert last.split()[0] == JOINT
+            assert (message in first, first.split()[0], last.split()[0]) == (True, JOINT, JOINT), outcome.out
 
 
 def test_refusals_name_their_cause(shell: Shell) -> None:

@@ -67,6 +67,9 @@ def test_options_reach_the_evaluation_and_the_comparison(shell: Shell, called: R
         assert shell("compare", "b", "a", *options, "--json", "none", "--html", "None").status == 0
         outputs = {"json_path": Path("none"), "html_path": Path("None")}
         assert called.of("compare_policies") == ((("b", "a"), expected), outputs)
+    called.calls.clear()
+    assert shell("evaluate", "stand", "--set", "stand.kd=2.5", "--set", "stand.kp=50").status == 0
+    assert called.of("evaluate_policy")[0][0] == "stand@kd=2.5@kp=50"
 
 
 def test_a_missed_requirement_is_status_1_in_xml(shell: Shell, called: Recorder) -> None:
@@ -94,9 +97,3 @@ def test_a_requirement_is_refused_before_anything_is_run(shell: Shell, called: R
     ):  # fmt: skip
         assert part in shell.refuses("evaluate", "a", *options)
     assert "evaluate_policy" not in called.names
-
-
-def test_a_controllers_changed_settings_are_evaluated(shell: Shell, called: Recorder) -> None:
-    called.replace("footfall.evaluate.api.evaluate_policy", scored())
-    assert shell("evaluate", "stand", "--set", "stand.kd=2.5", "--set", "stand.kp=50").status == 0
-    assert called.of("evaluate_policy")[0][0] == "stand@kd=2.5@kp=50"

@@ -30,15 +30,12 @@ def run_folder(six_iterations: str, kept_programs: None, tmp_path_factory: pytes
     return folder
 
 
-def test_training_ends_with_a_policy_and_its_evaluation(shell: Shell, run_folder: Path) -> None:
+def test_training_evaluates_its_policy_and_export_writes_it_again(shell: Shell, run_folder: Path) -> None:
     assert (run_folder / "config.yaml").is_file()
     assert list((run_folder / "checkpoints").iterdir())
     evaluation = json.loads((run_folder / "evaluation.json").read_text())
     assert evaluation["scenarios"]["gentle"]["episodes"] > 0
     assert f"--resume {run_folder}" in shell.refuses("train", "--preset", "smoke", "--out", run_folder)
-
-
-def test_export_writes_the_same_policy_again(shell: Shell, run_folder: Path) -> None:
     outcome = shell("export", run_folder, "--out", "again.onnx")
     assert outcome.status == 0, outcome.err
     assert Path("again.onnx").read_bytes() == (run_folder / "policy.onnx").read_bytes()

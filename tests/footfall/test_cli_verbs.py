@@ -85,7 +85,7 @@ def swept(called: Recorder) -> SimpleNamespace:
     return state
 
 
-def test_options_and_tables(shell: Shell, called: Recorder, swept: SimpleNamespace) -> None:
+def test_a_sweep_begins_or_is_resumed(shell: Shell, called: Recorder, swept: SimpleNamespace) -> None:
     swept.points.append(swept.points[0]._replace(mean=2.5, spread=math.nan, seeds=1, failed=2, unfinished=4))
     outcome = shell("sweep", "space.yaml", "--out", "mine")
     assert outcome.status == 0
@@ -94,9 +94,6 @@ def test_options_and_tables(shell: Shell, called: Recorder, swept: SimpleNamespa
     assert ["trial-0", "4", "0.2", "3", "1.235", "12,345"] in rows
     assert ["0.2", "3", "2.346", "±", "0.5", "3"] in rows
     assert ["0.2", "3", "2.5", "unknown", "1", "2", "4"] in rows
-
-
-def test_a_sweep_is_resumed_in_its_folder(shell: Shell, called: Recorder, swept: SimpleNamespace) -> None:
     assert shell("sweep", "--resume", "mine").status == 0
     assert called.of("resume_sweep") == ((Path("mine"),), {})
     assert "leave --out out" in shell.refuses("sweep", "--resume", "mine", "--out", "x")

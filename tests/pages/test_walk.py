@@ -176,7 +176,7 @@ class TestNewestPolicy:
 WALKING = Status("go1", "runs/mine", 2000, 10, trained_steps=500, metrics_age_s=3.0, iteration=30, policies=1)
 
 
-def test_the_awaited_policy_and_a_training_without_news_for_two_minutes_are_shown() -> None:
+def test_the_status_names_what_is_awaited_and_a_training_without_news_for_two_minutes() -> None:
     nothing = replace(WALKING, policies=0, iteration=None, metrics_age_s=None)
     assert WAITING in as_markdown(nothing)
     assert "Policy" not in as_markdown(nothing)
