@@ -1,5 +1,8 @@
-"""The folder of compiled programs, with the processor's kind in its name; users without a home folder."""
+"""Caches of programs and values; users without a home folder; pauses of the garbage collector."""
 
+import gc
+import weakref
+from contextlib import suppress
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -9,6 +12,7 @@ from refused import refusal_of
 from footfall.common import cache
 from footfall.common.bounded_cache import BoundedCache
 from footfall.common.cache import compilation_cache
+from footfall.common.collector import collector_paused, lasting_objects
 from footfall.deploy.log_store import default_store
 from footfall.deploy.wiring_check.proof import is_proven, keep_proof
 from footfall.machine import check_cache
@@ -81,3 +85,30 @@ def test_a_cache_never_holds_more_than_its_limit_and_keeps_the_newest_entry() ->
         bounded[key] = str(key)
         assert len(bounded) <= 3
         assert bounded[key] == str(key)
+
+
+def test_the_collector_is_as_it_was_after_a_pause() -> None:
+    for was_on, fails in ((True, False), (True, True), (False, False), (False, True)):
+        (gc.enable if was_on else gc.disable)()
+        with suppress(KeyError), collector_paused():
+            assert not gc.isenabled()
+            if fails:
+                raise KeyError
+        after = gc.isenabled()
+        gc.enable()
+        assert after is was_on, (was_on, fails)
+
+
+class Node:
+    def __init__(self) -> None:
+        self.me = self
+
+
+def test_the_collector_passes_over_lasting_objects() -> None:
+    with lasting_objects():
+        lasting = weakref.ref(Node())
+    passing = weakref.ref(Node())
+    gc.collect()
+    kept = [node() is not None for node in (lasting, passing)]
+    gc.unfreeze()
+    assert kept == [True, False]

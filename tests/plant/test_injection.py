@@ -43,8 +43,8 @@ class TestFrames:
 
     def test_one_bit_of_a_share_of_frames_is_flipped(self) -> None:
         whole = batch(0x55, k=4000)
-        hurt = flipped(0.25, np.random.default_rng(0))(whole)
-        bits = np.unpackbits(hurt.data ^ whole.data, axis=1).astype(int)
+        changed = flipped(0.25, np.random.default_rng(0))(whole)
+        bits = np.unpackbits(changed.data ^ whole.data, axis=1).astype(int)
         assert set(bits.sum(axis=1).tolist()) == {0, 1}
         assert bits.sum() == pytest.approx(1000, abs=110)
         assert bits.sum(axis=0).min() > 0  # each of the 64 bits may change

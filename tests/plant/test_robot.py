@@ -76,7 +76,7 @@ def test_the_robot_starts_on_the_highest_ground_below_its_feet(altered: Robot, o
     assert data.geom("FL_foot").xpos[2] - 0.023 == pytest.approx(-0.7, abs=1e-6)
 
 
-def test_a_plant_over_an_abyss_is_refused(go1: Robot, tmp_path: Path) -> None:
+def test_a_plant_with_ground_too_far_below_is_refused(go1: Robot, tmp_path: Path) -> None:
     deep = '<worldbody><geom type="plane" size="0 0 1" pos="0 0 -6"/>'
     (tmp_path / "deep.xml").write_text(go1.xml_path.read_text().replace("<worldbody>", deep))
     with pytest.raises(UserError, match="4 m"):

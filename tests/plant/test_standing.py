@@ -133,14 +133,11 @@ def lying_in(robot: Robot, pose: list[float | None]) -> Robot:
     return described(robot, joints=tuple(replace(joint, lying_rad=angle) for joint, angle in joints))
 
 
-def test_go1_stands_up_and_lies_down_again(go1: Robot) -> None:
+def test_go1_stands_up_and_lies_down_again_and_a_robot_on_its_feet_does_not_lie(go1: Robot) -> None:
     found = lying_test(go1, config=QUICK)
     assert found.trouble == ""
     assert abs(found.clearance_m) < 0.005
     assert 0.0 < found.tilt_rad < 0.15
-
-
-def test_a_robot_on_its_feet_does_not_lie(go1: Robot) -> None:
     assert lying_test(lying_in(go1, [0.0, 1.2, -2.2] * 4), config=QUICK).trouble
     assert resting_effort(go1, go1.default_pose) == np.inf
 

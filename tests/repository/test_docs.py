@@ -70,27 +70,23 @@ def has_anchor(page: Path, anchor: str) -> bool:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_links_have_existing_targets(page: Path) -> None:
-    broken = []
-    for link in LINK.findall(page.read_text(encoding="utf-8")):
+def test_links_and_named_files_exist(page: Path) -> None:
+    broken, text = [], page.read_text(encoding="utf-8")
+    for link in LINK.findall(text):
         if link.startswith(("http://", "https://")):
             continue
         path, _, anchor = link.partition("#")
         target = page.parent / path if path else page
         if not target.exists() or (anchor and not has_anchor(target, anchor)):
             broken.append(link)
+    for path in FILE.findall(LINK.sub("]", text)):
+        if not any((path.startswith(OF_THE_READER), (ROOT / path).exists(), (page.parent / path).exists())):
+            broken.append(path)
     assert broken == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_named_files_exist(page: Path) -> None:
-    text = LINK.sub("]", page.read_text(encoding="utf-8"))
-    named = [path for path in FILE.findall(text) if not path.startswith(OF_THE_READER)]
-    assert [path for path in named if not (ROOT / path).exists() and not (page.parent / path).exists()] == []
-
-
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_command_lines_can_be_parsed(page: Path) -> None:
+def test_command_lines_are_found_and_can_be_parsed(page: Path) -> None:
     wrong = []
     for words in commands(page):
         named, _, rest = app.parse_commands(words)
@@ -101,6 +97,8 @@ def test_command_lines_can_be_parsed(page: Path) -> None:
         except Exception as error:
             wrong.append(f"{' '.join(words)}: {error}")
     assert wrong == []
+    if page == ROOT / "README.md":
+        assert {words[0] for words in commands(page)} >= {"train", "deploy", "compare", "doctor", "watch"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -215,11 +213,6 @@ def test_messages_in_troubleshooting_are_those_of_the_code() -> None:
     assert len(quoted) > 20
     pieces = {piece.strip() for each in quoted for piece in re.split(r"…|\d+|'\w+'", each)}
     assert [piece for piece in sorted(pieces) if not any(piece in text for text in texts)] == []
-
-
-def test_command_lines_are_found() -> None:
-    verbs = {words[0] for words in commands(ROOT / "README.md")}
-    assert verbs >= {"train", "deploy", "compare", "doctor", "watch"}
 
 
 @pytest.mark.parametrize(("page", "words"), [("results", 2_000), ("journal", 4_000), ("faults", 800)])
