@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from refused import refusal_of
 
+from footfall import Robot, UserError, load_robot
 from footfall.common.config import structure
-from footfall.common.errors import UserError
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.quantity import SCALE, quantity, scales
 from footfall.domain_rand.randomisation import (
@@ -30,7 +30,6 @@ from footfall.envs.terms import critic
 from footfall.policies.contract import Term
 from footfall.policies.observation import TERMS, Inputs, reading_term, step_values, term_size
 from footfall.robots import kinds
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.readings import READINGS, Noise, Sensed, read, reading
 from footfall.robots.symmetry import find_symmetry
 from footfall.train.config import load_preset
@@ -151,8 +150,6 @@ def test_malformed_declaration_is_refused_in_one_line(tmp_path: Path) -> None:
 
 
 PAYLOAD, OFFSET = Distribution(-0.1, 0.3), Distribution(-0.03, 0.01)
-
-
 OWN = "payload_kg: {low: -0.1, high: 0.3}\ncom_offset_m: {high: 0.01}"
 
 
@@ -219,11 +216,6 @@ def torque(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(TERMS, "joint_torque", reading_term("joint_torque"))
 
 
-@pytest.fixture
-def speed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(QUANTITIES, "motor_speed", declared(WithSpeed, "motor_speed"))
-
-
 @pytest.mark.usefixtures("torque")
 class TestReading:
     """A reading needs one declaration."""
@@ -262,28 +254,25 @@ class TestReading:
         np.testing.assert_array_equal(mirrored, find_symmetry(ROBOT).joints(vector[12:24]))
 
 
-@pytest.mark.usefixtures("speed")
-class TestQuantity:
-    """A quantity needs one declaration."""
-
-    def test_a_quantitys_range_is_a_setting_that_is_checked(self) -> None:
-        data = {"motor_speed": {"low": 0.5, "high": 0.9}}
-        assert structure(data, WithSpeed, "x.yaml").motor_speed == Distribution(0.5, 0.9)
-        with pytest.raises(UserError, match="motor_speed"):
-            structure({"motor_speed": {"low": 0.5, "high": 0.1}}, WithSpeed, "x.yaml")
-
-    def test_a_quantity_acts_in_training_and_on_the_plant_and_the_critic_sees_it(self) -> None:
-        slow = WithSpeed(motor_speed=Distribution(0.5, 0.5))
-        env, nominal = (LocomotionEnv(ROBOT, replace(CONFIG, randomisation=r)) for r in (slow, WithSpeed()))
-        state, _ = jax.jit(env.reset)(jax.random.PRNGKey(0))
-        half = 0.5 * ROBOT.motor.no_load_speed
-        drive = env.actuation.drive(jnp.zeros((4, 12)), state.sample)
-        np.testing.assert_allclose(drive.motor.no_load_speed, half, rtol=1e-6)
-        plants = randomised_motor(ROBOT.motor, {"motor_speed": np.full(12, 0.5)})
-        np.testing.assert_allclose(plants.no_load_speed, half)
-        size, mirror = env.observation_sizes["privileged_state"], env.mirror().observation["privileged_state"]
-        assert size == len(mirror.source) == nominal.observation_sizes["privileged_state"] + 12
-        np.testing.assert_array_equal(mirror.sign[-12:], np.ones(12))
+def test_a_quantity_acts_in_training_and_on_the_plant_and_the_critic_sees_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A quantity needs one declaration, and its range is a setting that is checked."""
+    monkeypatch.setitem(QUANTITIES, "motor_speed", declared(WithSpeed, "motor_speed"))
+    slow = structure({"motor_speed": {"low": 0.5, "high": 0.5}}, WithSpeed, "x.yaml")
+    assert slow.motor_speed == Distribution(0.5, 0.5)
+    with pytest.raises(UserError, match="motor_speed"):
+        structure({"motor_speed": {"low": 0.5, "high": 0.1}}, WithSpeed, "x.yaml")
+    env, nominal = (LocomotionEnv(ROBOT, replace(CONFIG, randomisation=r)) for r in (slow, WithSpeed()))
+    state, _ = jax.jit(env.reset)(jax.random.PRNGKey(0))
+    half = 0.5 * ROBOT.motor.no_load_speed
+    drive = env.actuation.drive(jnp.zeros((4, 12)), state.sample)
+    np.testing.assert_allclose(drive.motor.no_load_speed, half, rtol=1e-6)
+    plants = randomised_motor(ROBOT.motor, {"motor_speed": np.full(12, 0.5)})
+    np.testing.assert_allclose(plants.no_load_speed, half)
+    size, mirror = env.observation_sizes["privileged_state"], env.mirror().observation["privileged_state"]
+    assert size == len(mirror.source) == nominal.observation_sizes["privileged_state"] + 12
+    np.testing.assert_array_equal(mirror.sign[-12:], np.ones(12))
 
 
 def test_a_term_for_the_critic(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from mujoco import mjx
 
+from footfall import JointCommand, Robot
 from footfall.domain_rand.bodies import BodyMap, apply_to_model, body_map, randomised_fields
 from footfall.domain_rand.noise import Noise, biased, noisy
 from footfall.domain_rand.quantity import scales_joints
 from footfall.domain_rand.randomisation import QUANTITIES, load_randomisation
 from footfall.domain_rand.sample import Sample, draw, randomised_command, randomised_motor, sensor_bias
 from footfall.plant.ground import replaced_by
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot
 from footfall.robots.model import plant_model, read_plant, training_model
 from footfall.terrain.declaration import load_ground
 
@@ -131,16 +130,12 @@ TOUCHING = """<geom name="shown" size=".1" contype="0" conaffinity="0"/>
 @pytest.mark.parametrize(
     ("floor", "feet", "touch"),
     [
-        (DUST, ([4], [], [0]), (0, 1, 2, 4)),  # a foot without geoms, and a foot that is the first geom
-        (TOUCHING, ([], []), (1, 2, 3, 4, 5)),
+        (DUST, [[4], [], [0]], (0, 1, 2, 4)),  # a foot without geoms, and a foot that is the first geom
+        (TOUCHING, [[], []], (1, 2, 3, 4, 5)),
     ],
 )
 def test_friction_is_of_feet_and_floors_or_without_feet_of_all_geoms_that_touch(
-    go1: Robot,
-    monkeypatch: pytest.MonkeyPatch,
-    floor: str,
-    feet: tuple[list[int], ...],
-    touch: tuple[int, ...],
+    go1: Robot, monkeypatch: pytest.MonkeyPatch, floor: str, feet: list[list[int]], touch: tuple[int, ...]
 ) -> None:
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><worldbody>{floor}<geom name="wall" type="box" size="1 1 1" pos="9 0 0"/>

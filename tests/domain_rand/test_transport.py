@@ -69,8 +69,7 @@ def test_jitter_is_drawn_once_a_step_for_all_motors() -> None:
 
 def test_a_goal_keeps_its_delay_while_it_is_on_its_way() -> None:
     sample, initial = {"action_jitter_s": jnp.float32(0.01)}, jnp.arange(3.0)[:, None] * jnp.ones(N)
-    key = jax.random.PRNGKey(0)
-    state = SimpleNamespace(sample=sample, key=key, steps=jnp.int32(0), lateness_s=initial)
+    state = SimpleNamespace(sample=sample, key=jax.random.PRNGKey(0), steps=jnp.int32(0), lateness_s=initial)
     after = Lateness(N, PERIOD_S).of_goals(state)  # type: ignore[arg-type]
     assert after is not None
     np.testing.assert_array_equal(after[1:], initial[:2])
@@ -104,8 +103,7 @@ def test_delays_on_the_plant_are_those_of_training_in_whole_steps(direction: Any
     delay = Delay(sample, direction, 0.001, seed=1)
     steps = np.array([delay.steps(step) for step in range(4000)])
     jitter = steps - 10.0 - 10.0 * (1.0 - abs(1.0 - np.arange(4000) / 2000.0))
-    assert jitter.min() > -0.6
-    assert jitter.max() < 10.6
+    assert -0.6 < jitter.min() < jitter.max() < 10.6
     assert jitter.reshape(-1, 20).std(axis=1).max() < 0.6  # for 20 ms each
     assert jitter.reshape(-1, 20).mean(axis=1).std() == pytest.approx(10.0 / 12**0.5, rel=0.15)
 

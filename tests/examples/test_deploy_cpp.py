@@ -24,8 +24,6 @@ HEADER_FOLDERS = (
     "/usr/local/include/onnxruntime",
     EXAMPLES.parent / ".cache/onnxruntime/usr/include/onnxruntime",  # of .ci/onnxruntime_headers
 )
-
-
 AXES = ("forward_m_s", "leftward_m_s", "yaw_rad_s")
 
 
@@ -59,14 +57,9 @@ def random_steps(robot: Robot) -> list[PolicyInput]:
     found = []
     for step in range(40):
         quaternion = rng.normal(size=4)
-        sensed = Sensed(
-            rng.normal(size=3),
-            np.zeros(3),
-            quaternion / np.linalg.norm(quaternion),
-            robot.default_pose + rng.normal(0.0, 0.3, n),
-            rng.normal(0.0, 3.0, n),
-            np.zeros(n),
-        )
+        gyro, unit = rng.normal(size=3), quaternion / np.linalg.norm(quaternion)
+        position, velocity = robot.default_pose + rng.normal(0.0, 0.3, n), rng.normal(0.0, 3.0, n)
+        sensed = Sensed(gyro, np.zeros(3), unit, position, velocity, np.zeros(n))
         command = np.zeros(3) if 10 <= step < 20 else rng.normal(size=3)
         found.append(PolicyInput(0.0, sensed, command, np.zeros(3), 0.0))
     return found

@@ -16,7 +16,7 @@ from long_tests import long_test
 from tiny_policy import write_network
 from user_folder import EXAMPLES, UserFolder
 
-from footfall import Episode, load_policy, load_robot, run_episode
+from footfall import Episode, Robot, load_policy, load_robot, run_episode
 from footfall.common.outside import find
 from footfall.deploy.config import deploy_config
 from footfall.deploy.drivers.choice import open_driver
@@ -24,7 +24,7 @@ from footfall.deploy.wiring import wiring_of
 from footfall.envs.make import make_environment
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.plant.motor_ends.motor_end import Report
-from footfall.robots.description import ROBOTS, Robot
+from footfall.robots.description import ROBOTS
 from footfall.train.config import load_preset
 
 
@@ -163,8 +163,7 @@ def test_commands_and_replies_of_the_examples_motors_arrive_as_they_were_sent(ac
     driver, end, rng = open_driver(wiring), open_motor_end(wiring), np.random.default_rng(1)
     values = rng.uniform(driver.lowest, driver.highest)
     steps = (driver.highest - driver.lowest) / [[65535], [65535], [255], [255], [65535]]
-    received = end.requests(driver.command(values))
-    assert np.all(np.abs(received.values - values) <= 0.51 * steps)
+    assert np.all(np.abs(end.requests(driver.command(values)).values - values) <= 0.51 * steps)
     beyond = end.requests(driver.command(2.0 * driver.highest))
     np.testing.assert_allclose(beyond.values, driver.highest)
     measured, error = values[[0, 1, 4]], np.arange(12, dtype=np.uint64)

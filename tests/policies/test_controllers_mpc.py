@@ -7,9 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 from direct_plant import DirectPlant, walk
-from moments import UP, policy_input
+from moments import UP, policy_input, whole_body_arguments
 from scipy.spatial.transform import Rotation
 
+from footfall import PolicyInput, load_robot
 from footfall.common.rotations import heading_matrix, wrap_angle
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.mpc.base import Base, Disturbance, body_state, capture_offset_m
@@ -22,9 +23,6 @@ from footfall.policies.controllers.mpc.whole_body import MpcWholeBody
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stance import nominal_feet
 from footfall.policies.gaits import find_gait
-from footfall.policies.policy import PolicyInput
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import load_robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.rigid_body import nominal_body
 
@@ -32,8 +30,7 @@ ROBOT = load_robot("go1")
 BODY, LEGS = nominal_body(ROBOT), ROBOT.legs
 CONFIG = controller_settings(ROBOT, "mpc", MpcConfig)
 STANCE, RESTART = CONFIG.stance, CONFIG.restart
-STILL = np.zeros(3)
-RADIUS = LEGS.foot_radius.mean()
+STILL, RADIUS = np.zeros(3), LEGS.foot_radius.mean()
 TILTED = Rotation.from_euler("ZYX", [1.1, -0.15, 0.1])
 VELOCITY, GYRO = np.array([0.4, -0.3, 0.1]), np.array([0.5, -0.7, 0.9])
 BASE = Base(0.3 - 0.2j, 0.28, VELOCITY, TILTED.as_matrix(), GYRO, roll=0.1, pitch=-0.15, yaw=1.1)
@@ -127,8 +124,7 @@ def test_the_path_loses_its_surplus_speed(mpc: Mpc) -> None:
     desired = np.array([0.3, 0.2, 0.0])
     reference = BodyState(np.zeros((steps, 6)), np.tile([9.0, 9.0, 9.0, *desired], (steps, 1)))
     reference.rate[1:] += 1.0  # the current target counts
-    path = mpc.reference.path(state, reference)
-    fine = np.linspace(0.0, 1.0, 200_001)
+    path, fine = mpc.reference.path(state, reference), np.linspace(0.0, 1.0, 200_001)
     speed = desired + (state.rate[3:] - desired) * np.exp(-fine / 0.2)[:, None]
     index = np.searchsorted(fine, CONFIG.horizon.step_s * (np.arange(steps) + 0.5))
     travelled = (np.cumsum(speed, axis=0) * fine[1])[index, :2]
@@ -145,9 +141,8 @@ def test_the_reference_follows_the_base_by_its_velocity_in_the_world(mpc: Mpc) -
         base = mpc.follower.follow(seen, 0.004)
         assert base.xy == pytest.approx(in_plane(moved) * 0.004 * k)
     np.testing.assert_allclose(base.velocity, moved, atol=1e-12)
-    attitude = (base.height, base.yaw, base.pitch, base.roll)
-    assert attitude == pytest.approx((0.24 + RADIUS, 1.1, -0.15, 0.1))
-    assert base.gyro.tolist() == list(gyro)
+    state = (base.height, base.yaw, base.pitch, base.roll, *base.gyro)
+    assert state == pytest.approx((0.24 + RADIUS, 1.1, -0.15, 0.1, *gyro))
     np.testing.assert_allclose(base.position, [base.xy.real, base.xy.imag, base.height])
 
 
@@ -197,12 +192,8 @@ def test_a_standing_robot_that_drifts_off_its_feet_steps_before_it_tips_over() -
     offsets = [capture_offset_m(base, centre, feet) for base in (slow, drifts)]
     np.testing.assert_allclose(offsets, [0.03, 0.03 + 0.05 * np.sqrt(0.7 / 9.81)], atol=1e-3)
     restart = replace(RESTART, max_offset_m=0.04)
-    for walking, offset_m, steps in (
-        (False, offsets[0], False),
-        (False, offsets[1], True),
-        (True, offsets[1], False),
-    ):
-        assert Disturbance(restart).active(slow, walking, offset_m, 0.1) is steps
+    for walking, case, steps in ((False, 0, False), (False, 1, True), (True, 1, False)):
+        assert Disturbance(restart).active(slow, walking, offsets[case], 0.1) is steps
 
 
 def test_swinging_feet_move_relative_to_the_moving_base(mpc: Mpc) -> None:
@@ -228,8 +219,7 @@ def test_swinging_feet_move_relative_to_the_moving_base(mpc: Mpc) -> None:
 
 def test_a_leg_that_swings_aims_where_its_foothold_is_when_it_lands(mpc: Mpc) -> None:
     timing, desired, yaw_rate = mpc.clock.timing, 0.25 + 0.1j, -0.6
-    pose = LEGS.pose(ROBOT.default_pose)
-    mpc.swing_feet.aim(2, 0.3, BASE, pose, mpc.wrenches, desired, yaw_rate, timing)
+    mpc.swing_feet.aim(2, 0.3, BASE, LEGS.pose(ROBOT.default_pose), mpc.wrenches, desired, yaw_rate, timing)
     nominal = nominal_feet(LEGS, STANCE.height_m, STANCE.outward_m, STANCE.shift_m)[2]
     motion = in_plane(VELOCITY), desired, BASE.yaw, yaw_rate, 0.7 * timing.swing_s, timing.stance_s
     expected = foothold(in_plane(nominal), BASE.xy, BASE.height, *motion, CONFIG.foothold)
@@ -302,91 +292,70 @@ def test_a_plan_contains_present_and_scheduled_contacts(mpc: Mpc, monkeypatch: p
     assert len(planned) > 10
 
 
-class TestLegs:
-    """`LegControl` in the default pose, with two diagonal feet on the ground."""
-
-    FORCE = np.array([[3.0, -5.0, 60.0], STILL, STILL, [-8.0, 2.0, 40.0]])
-
-    def torque(self, swing_acceleration: Any = STILL) -> np.ndarray:
-        """Torques (legs, 3)."""
-        swing = np.zeros((2, 3, 3))
-        swing[:, 0], swing[:, 2] = LEGS.default_foot[1:3], swing_acceleration
-        pose, legs = ROBOT.default_pose, LegControl(ROBOT, LEGS, BODY, CONFIG)
-        command = legs.command(pose, LEGS.pose(pose), self.FORCE, STILL, STILL, UP, [1, 2], swing)
-        return LEGS.gather(command.torque)
-
-    def test_torques_hold_the_forces_at_the_points_of_contact(self) -> None:
-        """The torque is -J' f, with MuJoCo's Jacobian of the lowest point of each foot."""
-        model = load_spec(ROBOT.xml_path).compile()
-        data = mujoco.MjData(model)
-        data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
-        joints = np.array([model.joint(name).id for name in ROBOT.joint_names])
-        data.qpos[model.jnt_qposadr[joints]] = ROBOT.default_pose
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        for leg in (0, 3):
-            geom = model.geom(ROBOT.description.feet[leg].geoms[0]).id
-            jacobian, lowest = np.zeros((3, model.nv)), data.geom_xpos[geom] - LEGS.foot_radius[leg] * UP
-            mujoco.mj_jac(model, data, jacobian, None, lowest, model.geom_bodyid[geom])
-            dofs = model.jnt_dofadr[joints[LEGS.joints[leg]]]
-            np.testing.assert_allclose(self.torque()[leg], -jacobian[:, dofs].T @ self.FORCE[leg], atol=1e-9)
-
-    def test_a_swinging_leg_is_given_the_torque_that_its_inertia_needs(self) -> None:
-        """The torque is M times the joint acceleration that moves the foot as desired."""
-        acceleration = np.array([5.0, 0.0, 8.0])
-        joint = np.linalg.solve(LEGS.pose(ROBOT.default_pose).jacobian[1], acceleration)
-        np.testing.assert_allclose(self.torque(acceleration)[1], BODY.leg_inertia[1] @ joint, atol=1e-9)
+FORCE = np.array([[3.0, -5.0, 60.0], STILL, STILL, [-8.0, 2.0, 40.0]])
 
 
-class TestWholeBody:
-    """The MPC's plan carried out by whole-body control, first by a tilted robot in motion."""
+def leg_torque(swing_acceleration: Any = STILL) -> np.ndarray:
+    """Torques (legs, 3) in the default pose, with two diagonal feet on the ground."""
+    swing = np.zeros((2, 3, 3))
+    swing[:, 0], swing[:, 2] = LEGS.default_foot[1:3], swing_acceleration
+    pose, legs = ROBOT.default_pose, LegControl(ROBOT, LEGS, BODY, CONFIG)
+    return LEGS.gather(legs.command(pose, LEGS.pose(pose), FORCE, STILL, STILL, UP, [1, 2], swing).torque)
 
-    TURN = Rotation.from_euler("ZYX", [0.9, -0.2, 0.15])
-    MOVING = policy_input(
-        ROBOT,
-        base_velocity=(0.3, -0.2, 0.1),
-        base_height=0.26,
-        turn=TURN,
-        gyro=(0.3, -0.5, 0.8),
-        velocity=0.3 * np.random.default_rng(1).standard_normal(len(ROBOT.joint_names)),
-    )
 
-    @pytest.fixture
-    def policy(self) -> MpcWholeBody:
-        return MpcWholeBody(ROBOT)
+def test_torques_hold_the_forces_at_the_points_of_contact() -> None:
+    """The torque is -J' f, with MuJoCo's Jacobian of the lowest point of each foot."""
+    model = load_spec(ROBOT.xml_path).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:7] = [0, 0, 0, 1, 0, 0, 0]
+    joints = np.array([model.joint(name).id for name in ROBOT.joint_names])
+    data.qpos[model.jnt_qposadr[joints]] = ROBOT.default_pose
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    for leg in (0, 3):
+        geom = model.geom(ROBOT.description.feet[leg].geoms[0]).id
+        jacobian, lowest = np.zeros((3, model.nv)), data.geom_xpos[geom] - LEGS.foot_radius[leg] * UP
+        mujoco.mj_jac(model, data, jacobian, None, lowest, model.geom_bodyid[geom])
+        dofs = model.jnt_dofadr[joints[LEGS.joints[leg]]]
+        np.testing.assert_allclose(leg_torque()[leg], -jacobian[:, dofs].T @ FORCE[leg], atol=1e-9)
 
-    def test_the_body_moves_as_forces_move_it(
-        self, policy: MpcWholeBody, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        """The motion fulfils Newton's and Euler's equations of the rigid body that the plan is made for."""
-        calls: list[Any] = []
-        command = policy.control.command
 
-        def seen(*arguments: Any) -> JointCommand:
-            calls.append(arguments)
-            return command(*arguments)
+def test_a_swinging_leg_is_given_the_torque_that_its_inertia_needs() -> None:
+    """The torque is M times the joint acceleration that moves the foot as desired."""
+    acceleration = np.array([5.0, 0.0, 8.0])
+    joint = np.linalg.solve(LEGS.pose(ROBOT.default_pose).jacobian[1], acceleration)
+    np.testing.assert_allclose(leg_torque(acceleration)[1], BODY.leg_inertia[1] @ joint, atol=1e-9)
 
-        monkeypatch.setattr(policy.control, "command", seen)
-        policy.reset(self.MOVING)
-        policy.act(self.MOVING)
-        dynamics, _, _, desired, max_force = calls[0]
-        np.testing.assert_array_equal(max_force, policy._config.contact.max_force_n)
-        np.testing.assert_allclose(desired.centre, policy.force.sum(axis=0) / BODY.mass - 9.81 * UP)
-        moment = np.cross(dynamics.foot - dynamics.centre, policy.force).sum(axis=0)
-        assert np.abs(moment).min() > 0.1
-        np.testing.assert_allclose(desired.momentum_rate, moment)
-        turned = self.TURN.as_matrix() @ BODY.inertia @ self.TURN.as_matrix().T
-        np.testing.assert_allclose(self.TURN.apply(desired.attitude), np.linalg.solve(turned, moment))
 
-    def test_it_walks_as_commanded(self, policy: MpcWholeBody) -> None:
-        command = np.array([0.4, -0.1, 0.5])
-        result = walk(policy, DirectPlant(ROBOT, seed=2), lambda _: command, 3.0)
-        assert (result.fell, policy.control.unsolved_ticks, policy.notes) == (False, 0, ())
-        np.testing.assert_allclose(result.mean_velocity(after_s=1.5), command, atol=0.04)
+TURN = Rotation.from_euler("ZYX", [0.9, -0.2, 0.15])
+RATES = {"gyro": (0.3, -0.5, 0.8), "velocity": 0.3 * np.random.default_rng(1).standard_normal(12)}
+MOVING = policy_input(ROBOT, 0.0, STILL, (0.3, -0.2, 0.1), 0.26, turn=TURN, **RATES)
 
-    def test_after_a_reset_the_episode_repeats_itself(self, policy: MpcWholeBody) -> None:
-        episodes = []
-        for _ in range(2):
-            policy.reset(self.MOVING)
-            episodes.append([policy.act(self.MOVING).position for _ in range(3)])
-        np.testing.assert_array_equal(*episodes)
+
+def test_the_body_moves_as_forces_move_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The motion fulfils Newton's and Euler's equations of the rigid body that the plan is made for."""
+    policy = MpcWholeBody(ROBOT)
+    policy.reset(MOVING)
+    dynamics, _, _, desired, max_force = whole_body_arguments(policy, monkeypatch, MOVING)
+    np.testing.assert_array_equal(max_force, policy._config.contact.max_force_n)
+    np.testing.assert_allclose(desired.centre, policy.force.sum(axis=0) / BODY.mass - 9.81 * UP)
+    moment = np.cross(dynamics.foot - dynamics.centre, policy.force).sum(axis=0)
+    assert np.abs(moment).min() > 0.1
+    np.testing.assert_allclose(desired.momentum_rate, moment)
+    turned = TURN.as_matrix() @ BODY.inertia @ TURN.as_matrix().T
+    np.testing.assert_allclose(TURN.apply(desired.attitude), np.linalg.solve(turned, moment))
+
+
+def test_with_whole_body_control_it_walks_as_commanded() -> None:
+    policy, command = MpcWholeBody(ROBOT), np.array([0.4, -0.1, 0.5])
+    result = walk(policy, DirectPlant(ROBOT, seed=2), lambda _: command, 3.0)
+    assert (result.fell, policy.control.unsolved_ticks, policy.notes) == (False, 0, ())
+    np.testing.assert_allclose(result.mean_velocity(after_s=1.5), command, atol=0.04)
+
+
+def test_with_whole_body_control_an_episode_repeats_itself_after_a_reset() -> None:
+    policy, episodes = MpcWholeBody(ROBOT), []
+    for _ in range(2):
+        policy.reset(MOVING)
+        episodes.append([policy.act(MOVING).position for _ in range(3)])
+    np.testing.assert_array_equal(*episodes)

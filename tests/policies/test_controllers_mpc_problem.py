@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -25,19 +24,11 @@ WEIGHTS = Weights((9.0, 8.0, 7.0), (2.0, 3.0, 50.0), (0.1, 0.2, 0.3), (1.0, 1.5,
 CONTACT = Contact(friction=0.6, max_force_n=150.0)
 PROBLEMS = ForceProblems(BODY, HORIZON, WEIGHTS, CONTACT)
 FEET = np.array([[0.19, -0.13, -0.25], [0.19, 0.13, -0.25], [-0.19, -0.13, -0.25], [-0.19, 0.13, -0.25]])
-
-
-class Situation(NamedTuple):
-    """Inputs of a plan."""
-
-    state: BodyState
-    reference: BodyState
-    contacts: np.ndarray
-    feet: np.ndarray
-    before: np.ndarray
+Situation = tuple[BodyState, BodyState, np.ndarray, np.ndarray, np.ndarray]
 
 
 def random_situation(seed: int, standing: bool = False) -> Situation:
+    """Inputs of a plan: state, reference, contacts, feet and the forces before."""
     rng = np.random.default_rng(seed)
     state = BodyState(*(0.3 * rng.standard_normal((2, 6))))
     reference = BodyState(*(0.1 * rng.standard_normal((2, HORIZON.steps, 6))))
@@ -45,7 +36,7 @@ def random_situation(seed: int, standing: bool = False) -> Situation:
     contacts[:, 0] = True
     feet = FEET + 0.05 * rng.standard_normal((HORIZON.steps, 4, 3))
     before = rng.uniform(-10.0, 60.0, (4, 3)) * [[1.0], [0.0], [1.0], [1.0]]
-    return Situation(state, reference, contacts, feet, before)
+    return state, reference, contacts, feet, before
 
 
 def step_by_step(state: BodyState, forces: np.ndarray, feet: np.ndarray) -> np.ndarray:
@@ -118,8 +109,8 @@ def test_a_problem_with_nan_has_no_solution_and_does_not_crash() -> None:
 
 
 def test_without_contacts_the_forces_are_zero() -> None:
-    situation = random_situation(0)
-    problem = PROBLEMS.build(*situation._replace(contacts=np.zeros_like(situation.contacts)))
+    state, reference, contacts, *others = random_situation(0)
+    problem = PROBLEMS.build(state, reference, np.zeros_like(contacts), *others)
     solution = BoundedSolver().solve(problem)
     assert solution is not None
     np.testing.assert_array_equal(PROBLEMS.wrenches(solution, problem, 4).force, 0)

@@ -11,7 +11,7 @@ from direct_plant import Walk as Walked
 from moments import policy_input
 from scipy.spatial.transform import Rotation
 
-from footfall.common.errors import UserError
+from footfall import JointCommand, PolicyInput, Robot, UserError, load_policy, load_robot
 from footfall.common.rotations import tilt
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.policies.controllers.gait import GaitConfig
@@ -20,10 +20,7 @@ from footfall.policies.controllers.walk import Walk
 from footfall.policies.controllers.walk.config import HeadingConfig, WalkConfig
 from footfall.policies.controllers.walk.heading import Heading
 from footfall.policies.controllers.walk.limits import Pace, WalkLimits
-from footfall.policies.policy import PolicyInput
-from footfall.policies.registry import load_policy
-from footfall.robots.actuator import JointCommand, friction_torque
-from footfall.robots.description import Robot, load_robot
+from footfall.robots.actuator import friction_torque
 from footfall.robots.rigid_body import nominal_body
 
 ROBOT, HEXAPOD = load_robot("go1"), load_robot("hexapod")
@@ -316,6 +313,5 @@ def test_gait_and_steps_change_while_walking() -> None:
     result, max_tilt_rad = on_plant(policy, FORWARD, 6.0, lambda k: policy.change(*others.get(k, unchanged)))
     assert not result.fell
     assert max_tilt_rad < 0.2
-    speed = np.array(result.velocity)[600:, 0].reshape(-1, 300).mean(axis=1)
-    assert speed.min() > 0.25
+    assert np.array(result.velocity)[600:, 0].reshape(-1, 300).mean(axis=1).min() > 0.25
     np.testing.assert_allclose(result.mean_velocity(5.5)[0], 0.4, atol=0.05)

@@ -21,11 +21,9 @@ from footfall.robots.rigid_body import nominal_body
 from footfall.robots.support import support_margin
 
 TIMING = GaitTiming(period_s=2.0, duty=0.6)  # stands for 1.2 s, swings for 0.8 s
-FEET = np.array([[0.3, 0.2, 0.0], [-0.2, -0.1, 0.0]])
-OFFSETS = np.array([0.0, 0.5])
+FEET, OFFSETS = np.array([[0.3, 0.2, 0.0], [-0.2, -0.1, 0.0]]), np.array([0.0, 0.5])
 FOOTING = Footing(FEET, np.tile(np.eye(2), (2, 1, 1)))  # of points, which do not roll
-BOTH = (True, True)
-REST = [0.0, 0.0, 0.0]
+BOTH, REST = (True, True), [0.0, 0.0, 0.0]
 VELOCITY = np.array([0.1, -0.05, 0.2])
 PASSING = np.array([[0.1 - 0.04, -0.05 + 0.06, 0.0], [0.1 + 0.02, -0.05 - 0.04, 0.0]])  # v + w x r
 
@@ -68,12 +66,8 @@ def test_a_swinging_foot_is_between_two_points_that_move_with_the_ground() -> No
 
     The foot rolls, under a body that moves ahead and to the right, and turns left.
     """
-    rolling, nominal, here, share = (
-        [[0.9, 0.05], [-0.02, 0.8]],
-        np.array([0.3, 0.2]),
-        np.array([0.25, 0.23]),
-        459 / 512,
-    )
+    rolling, share = [[0.9, 0.05], [-0.02, 0.8]], 459 / 512
+    nominal, here = np.array([[0.3, 0.2], [0.25, 0.23]])
 
     def passing(point: np.ndarray) -> np.ndarray:
         return np.array(rolling) @ (VELOCITY[:2] + np.cross([0.0, 0.0, 0.2], [*point, 0.0])[:2])
@@ -346,12 +340,9 @@ class TestGroundForce:
             shares = ground.update(sensed, self.JACOBIAN, 0.004)
         return shares
 
-    def test_gearbox_friction_is_not_mistaken_for_ground(self) -> None:
-        """The gearboxes' friction at 2 rad/s is 0.13 N m: at least a fifth of a share at the foot."""
+    def test_gearbox_friction_and_accelerated_legs_are_not_mistaken_for_ground(self) -> None:
+        """Friction at 2 rad/s is 0.13 N m, at least a fifth of a share; the acceleration needs three."""
         np.testing.assert_allclose(self.shares(self.FREE, self.STILL, rate=2.0), 0.0, atol=0.01)
-
-    def test_accelerated_legs_have_contact_only_where_they_touch(self) -> None:
-        """Such an acceleration takes three shares of force at the foot."""
         np.testing.assert_allclose(self.shares(self.FREE, self.LOWERING), 0.0, atol=0.05)
         np.testing.assert_allclose(self.shares(self.LOADED, self.LOWERING), self.LOADED_SHARES, atol=0.05)
 

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from tiny_policy import write_network
 
-from footfall.common.errors import UserError
+from footfall import PolicyInput, Robot, UserError
 from footfall.policies.contract import CONTRACT_KEY, Contract
 from footfall.policies.learned import LearnedPolicy
-from footfall.policies.policy import PolicyInput, Sensed
+from footfall.policies.policy import Sensed
 from footfall.policies.registry import ZOO
-from footfall.robots.description import Robot
 
 onnx = pytest.importorskip("onnx")
 SIZE = 6 + 3 + 3 + 36 + 36 + 24 + 2  # of the observation
 Make = Callable[..., LearnedPolicy]
+Sizes = Sequence[tuple[str, int]]
 
 
 @pytest.fixture
@@ -106,24 +106,19 @@ def test_a_policy_runs_at_its_contracts_rate(make: Make, contract: Contract) -> 
 
 
 def write_graph(
-    path: Path,
-    contract: Contract,
-    inputs: Sequence[tuple[str, int]],
-    outputs: Sequence[tuple[str, int]],
-    input_type: str = "FLOAT",
-    output_type: str = "FLOAT",
+    path: Path, contract: Contract, inputs: Sizes, outputs: Sizes, kinds: tuple[str, str] = ("FLOAT", "FLOAT")
 ) -> Path:
     """A network that returns zeros; inputs and outputs are names and sizes."""
     helper, types = onnx.helper, onnx.TensorProto
-    (first, size), number = inputs[0], np.float64 if input_type == "DOUBLE" else np.float32
+    (first, size), number = inputs[0], np.float64 if kinds[0] == "DOUBLE" else np.float32
     nodes, weights = [], []
     for name, count in outputs:
         nodes.append(helper.make_node("MatMul", [first, f"to_{name}"], [f"raw_{name}"]))
-        nodes.append(helper.make_node("Cast", [f"raw_{name}"], [name], to=getattr(types, output_type)))
+        nodes.append(helper.make_node("Cast", [f"raw_{name}"], [name], to=getattr(types, kinds[1])))
         weights.append(onnx.numpy_helper.from_array(np.zeros((size, count), number), f"to_{name}"))
     declared = [
         [helper.make_tensor_value_info(name, getattr(types, kind), ["batch", count]) for name, count in each]
-        for each, kind in ((inputs, input_type), (outputs, output_type))
+        for each, kind in zip((inputs, outputs), kinds, strict=True)
     ]
     graph = helper.make_graph(nodes, "zeros", *declared, weights)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
@@ -151,16 +146,16 @@ def test_other_files_are_refused_in_one_line(tmp_path: Path, contract: Contract,
     (tmp_path / "text.onnx").write_text("a walk\nin the park")
     refusal(tmp_path / "text.onnx")
     refusal(write_network(onnx, tmp_path / "bare.onnx", np.zeros((3, 12), np.float32), None), "contract")
-    one, two = ("x", SIZE), ("y", 12)
-    for inputs, outputs, types, found in (
-        ([one, ("z", SIZE + 3)], [two], (), f"input .*{SIZE}"),
-        ([("x", SIZE + 1)], [two], (), f"input .*{SIZE}"),
-        ([one], [two, ("z", 12)], (), "output .*12"),
-        ([one], [("y", 13)], (), "output .*12"),
+    one, two, single = ("x", SIZE), ("y", 12), ("FLOAT", "FLOAT")
+    for inputs, outputs, kinds, found in (
+        ([one, ("z", SIZE + 3)], [two], single, f"input .*{SIZE}"),
+        ([("x", SIZE + 1)], [two], single, f"input .*{SIZE}"),
+        ([one], [two, ("z", 12)], single, "output .*12"),
+        ([one], [("y", 13)], single, "output .*12"),
         ([one], [two], ("DOUBLE", "DOUBLE"), "double"),
         ([one], [two], ("FLOAT", "DOUBLE"), "float64"),
     ):
-        refusal(write_graph(tmp_path / "p.onnx", contract, inputs, outputs, *types), found)
+        refusal(write_graph(tmp_path / "p.onnx", contract, inputs, outputs, kinds), found)
     weights = np.zeros((SIZE, 12), np.float32)
     for number in (np.nan, np.inf):
         weights[5, 7] = number

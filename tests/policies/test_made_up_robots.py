@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 import yaml
 from made_up import BIPED, FIVE, PITCH, ROLL, SOLES, Hinge, Leg, quadruped_leg, six_hinge_leg, write_robot
-from moments import readings
+from moments import under_load
 from tiny_policy import write_network
 
+from footfall import Episode, Policy, PolicyInput, Robot, Trace, load_policy, load_robot, run_episode
 from footfall.common.config import unstructure
 from footfall.common.rotations import heading
 from footfall.deploy.estimation.estimator import BaseEstimator
 from footfall.deploy.loop import ControlLoop
 from footfall.envs.config import GaitConfig as EnvGait
-from footfall.plant.episode import Episode, run_episode
 from footfall.plant.robot import SimulatedRobot
-from footfall.plant.trace import Trace
 from footfall.policies.controllers.gait import GaitConfig
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.stand import Stand, StandConfig
@@ -29,9 +28,7 @@ from footfall.policies.controllers.walk.config import StanceConfig, WalkConfig
 from footfall.policies.gaits import find_gait
 from footfall.policies.learned import LearnedPolicy
 from footfall.policies.observation import observation_size
-from footfall.policies.policy import Policy, PolicyInput, Sensed
-from footfall.policies.registry import load_policy
-from footfall.robots.description import Robot, load_robot
+from footfall.policies.policy import Sensed
 
 GO1, G1 = load_robot("go1"), load_robot("g1")
 
@@ -43,10 +40,8 @@ def onnx() -> ModuleType:
 
 
 def at_rest(robot: Robot) -> Sensed:
-    """Inputs of a robot in its default pose whose legs carry 40 N each."""
-    legs, force = robot.legs, np.tile([0.0, 0.0, 40.0], (robot.legs.count, 1))
-    load = legs.scatter(legs.torque(legs.pose(robot.default_pose).jacobian, force), np.zeros_like(robot.kp))
-    return readings(robot, torque=load)
+    """Readings of a robot in its default pose whose feet carry 40 N each."""
+    return under_load(robot, np.tile([0.0, 0.0, 40.0], (robot.legs.count, 1)))
 
 
 @pytest.mark.parametrize("kind", [FIVE, BIPED, SOLES])
@@ -197,8 +192,7 @@ def test_a_biped_has_an_environment_and_falls_safely(biped: Robot, onnx: ModuleT
     assert contract.joints == tuple(f"{side}{k}" for side in "lr" for k in range(6))
     assert contract.gait is not None
     assert contract.gait.phase == (0.5,) * 6 + (0.0,) * 6
-    assert observation_size(contract) == 11 + 4 * 12
-    assert contract.mismatches(biped) == []
+    assert (observation_size(contract), contract.mismatches(biped)) == (11 + 4 * 12, [])
 
     mirror = env.mirror()
     assert mirror.action.source.tolist() == [*range(6, 12), *range(6)]

@@ -52,8 +52,7 @@ def test_numpy_and_jax_agree_on_observation_and_target(contract: Contract, shape
     rng = np.random.default_rng(1)
     inputs = [random_inputs(rng, shape) for _ in range(5)]
     in_numpy, in_jax = (history(inputs, contract, xp) for xp in (np, jnp))
-    assert in_numpy.dtype == np.float32
-    assert in_numpy.shape == (*shape, observation_size(contract))
+    assert (in_numpy.dtype, in_numpy.shape) == (np.float32, (*shape, observation_size(contract)))
     np.testing.assert_allclose(in_numpy, in_jax, rtol=2e-6, atol=2e-7)
     sizes = {"action": 12, "phase": 1, "command": 3}
     given = [rng.normal(size=(*shape, size)).astype(np.float32) for size in sizes.values()]
@@ -198,12 +197,8 @@ def test_mirrored_ground_gives_the_mirrored_observation(seeing: Contract) -> Non
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"spacing_m": 0.0},
-        {"forward_m": [0.5, -0.5]},
-        {"clip_m": [0.5, float("nan")]},
-        {"spacing_m": 0.01, "forward_m": [-2.0, 2.0]},
-        {"max_age_s": 0.01},
-        {"width_m": 1.0},
+        *({"spacing_m": 0.0}, {"forward_m": [0.5, -0.5]}, {"clip_m": [0.5, float("nan")]}),
+        *({"spacing_m": 0.01, "forward_m": [-2.0, 2.0]}, {"max_age_s": 0.01}, {"width_m": 1.0}),
     ],
 )
 def test_an_invalid_scan_setting_is_refused_by_name(seeing: Contract, wrong: dict[str, object]) -> None:

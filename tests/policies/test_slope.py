@@ -10,6 +10,7 @@ import pytest
 from moments import UP, policy_input
 from scipy.spatial.transform import Rotation
 
+from footfall import PolicyInput, load_robot
 from footfall.policies.controllers.mpc import Mpc
 from footfall.policies.controllers.mpc.config import MpcConfig
 from footfall.policies.controllers.mpc.grip import Grip
@@ -23,16 +24,12 @@ from footfall.policies.controllers.slope import (
 )
 from footfall.policies.controllers.stance import level_feet, nominal_feet, tilt_correction
 from footfall.policies.controllers.stand import Stand, StandConfig
-from footfall.policies.policy import PolicyInput
-from footfall.robots.description import load_robot
 
 ROBOT = load_robot("go1")
 LEGS = ROBOT.legs
 CONFIG = SlopeConfig(filter_s=0.1, deadband=0.0, max_gradient=0.6)
 MPC_CONFIG = replace(controller_settings(ROBOT, "mpc", MpcConfig), slope=CONFIG)
-ALL = np.ones(4)
-DT_S = 0.002
-STEEP = math.tan(0.3)
+ALL, DT_S, STEEP = np.ones(4), 0.002, math.tan(0.3)
 
 
 def standing(heading: float, time_s: float = 9.0, forward_m_s: float = 0.0) -> PolicyInput:
@@ -56,11 +53,7 @@ def test_alternating_pairs_of_feet_give_both_slopes() -> None:
 
 
 def test_nearly_level_ground_is_level_and_steep_ground_is_bounded() -> None:
-    for gradient, applied in (
-        ((0.03, 0.03), (0.0, 0.0)),
-        ((0.0, -0.25), (0.0, -0.2)),
-        ((3.0, 4.0), (0.3, 0.4)),
-    ):
+    for gradient, applied in (((0.03, 0.03), (0, 0)), ((0.0, -0.25), (0.0, -0.2)), ((3.0, 4.0), (0.3, 0.4))):
         np.testing.assert_allclose(applied_gradient(np.array(gradient), 0.05, 0.5), applied)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from footfall import Episode, JointCommand, Robot, Trace, load_policy, load_robot, run_episode
 from footfall.common.rotations import heading, heading_matrix, tilt, yaw_of
 from footfall.deploy.command_source import Request, Status, Stop
 from footfall.deploy.config import deploy_config
@@ -19,9 +20,8 @@ from footfall.evaluate.scenarios import load_scenarios
 from footfall.operate.abilities import abilities_of
 from footfall.operate.missions.mission import mission_of
 from footfall.operate.missions.source import MissionSource
-from footfall.plant.episode import Episode, Watch, run_episode
+from footfall.plant.episode import Watch
 from footfall.plant.robot import SimulatedRobot
-from footfall.plant.trace import Trace
 from footfall.policies.controllers.jump.config import JumpConfig
 from footfall.policies.controllers.jump.motion import LeapPlan
 from footfall.policies.controllers.mpc import Mpc
@@ -30,9 +30,6 @@ from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.walk import Walk
 from footfall.policies.live_settings import DECLARED, Applied, Steerable
 from footfall.policies.policy import PlansFootholds, Policy, PolicyInput
-from footfall.policies.registry import load_policy
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.mjcf import load_spec
 
 GO1, G1, HEXAPOD = (load_robot(name) for name in ("go1", "g1", "hexapod"))
@@ -96,11 +93,8 @@ def test_feet_land_where_they_are_planned_to(robot: Robot, name: str, duration_s
 
 
 UNIFORM, BODIES = np.random.default_rng(2).random, load_spec(GO1.xml_path).compile().nbody - 1
-RANDOMISED = {
-    "sample": draw(randomisation_of(GO1), UNIFORM, 12, BODIES),
-    "noise": NOISE,
-    "record_rate_hz": 250.0,
-}
+SAMPLE = draw(randomisation_of(GO1), UNIFORM, 12, BODIES)
+RANDOMISED = {"sample": SAMPLE, "noise": NOISE, "record_rate_hz": 250.0}
 
 
 def test_in_a_pronk_no_foot_touches_for_a_part_of_each_cycle() -> None:

@@ -11,8 +11,8 @@ from direct_plant import DirectPlant, walk
 from moments import policy_input, whole_body_arguments
 from scipy.spatial.transform import Rotation
 
+from footfall import Episode, JointCommand, PolicyInput, Robot, load_robot, run_episode
 from footfall.common.rotations import normalised
-from footfall.plant.episode import Episode, run_episode
 from footfall.policies.controllers.balance import Balance, BalanceConfig
 from footfall.policies.controllers.settings import controller_settings
 from footfall.policies.controllers.solver import BoundedSolver, QuadraticProgram
@@ -27,9 +27,6 @@ from footfall.policies.controllers.whole_body.control import (
 from footfall.policies.controllers.whole_body.dynamics import Dynamics, Motion, WholeBody
 from footfall.policies.controllers.whole_body.feedback import Feedback, base_tilt, rest_dynamics
 from footfall.policies.controllers.whole_body.problem import Contact, Desired, QuadraticPrograms, Weights
-from footfall.policies.policy import PolicyInput
-from footfall.robots.actuator import JointCommand
-from footfall.robots.description import Robot, load_robot
 from footfall.robots.feet import foot_geoms
 from footfall.robots.mjcf import load_spec
 
@@ -97,38 +94,38 @@ def solved(
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-class TestDynamics:
-    def test_mass_and_bias_are_those_of_mujocos_inverse_dynamics(self, name: str) -> None:
-        motion = some_motion(ROBOTS[name], 3)
-        model, data, order = moved(ROBOTS[name], motion)
-        data.qacc[order] = acceleration = np.random.default_rng(4).normal(size=model.nv)
-        mujoco.mj_inverse(model, data)
-        dynamics = BODIES[name].update(motion)
-        forces = dynamics.mass @ acceleration + dynamics.bias
-        np.testing.assert_allclose(forces, data.qfrc_inverse[order], atol=1e-8)
+def test_mass_and_bias_are_those_of_mujocos_inverse_dynamics(name: str) -> None:
+    motion = some_motion(ROBOTS[name], 3)
+    model, data, order = moved(ROBOTS[name], motion)
+    data.qacc[order] = acceleration = np.random.default_rng(4).normal(size=model.nv)
+    mujoco.mj_inverse(model, data)
+    dynamics = BODIES[name].update(motion)
+    forces = dynamics.mass @ acceleration + dynamics.bias
+    np.testing.assert_allclose(forces, data.qfrc_inverse[order], atol=1e-8)
 
-    def test_points_accelerate_by_jacobian_and_drift(self, name: str) -> None:
-        """The accelerations equal differences of the points' positions in the world."""
-        robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 5)
-        dynamics = BODIES[name].update(motion)
-        model, data, order = moved(robot, motion)
-        acceleration = np.random.default_rng(6).normal(size=model.nv)
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_points_accelerate_by_jacobian_and_drift(name: str) -> None:
+    """The accelerations equal differences of the points' positions in the world."""
+    robot, motion = ROBOTS[name], some_motion(ROBOTS[name], 5)
+    dynamics = BODIES[name].update(motion)
+    model, data, order = moved(robot, motion)
+    acceleration = np.random.default_rng(6).normal(size=model.nv)
+    mujoco.mj_kinematics(model, data)
+    links = model.geom_bodyid[np.concatenate(foot_geoms(model, robot.description))]
+    own = (dynamics.point - data.xpos[links])[:, None] @ data.xmat[links].reshape(-1, 3, 3)
+    start, speed, h, positions = data.qpos.copy(), dynamics.velocity, 1e-4, []
+    for t in (-h, 0.0, h):
+        data.qpos[:], step = start, np.zeros(model.nv)
+        step[order] = speed * t + acceleration * t * t / 2
+        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
         mujoco.mj_kinematics(model, data)
-        links = model.geom_bodyid[np.concatenate(foot_geoms(model, robot.description))]
-        own = (dynamics.point - data.xpos[links])[:, None] @ data.xmat[links].reshape(-1, 3, 3)
-        start, speed, h, positions = data.qpos.copy(), dynamics.velocity, 1e-4, []
-        for t in (-h, 0.0, h):
-            data.qpos[:], step = start, np.zeros(model.nv)
-            step[order] = speed * t + acceleration * t * t / 2
-            mujoco.mj_integratePos(model, data.qpos, step, 1.0)
-            mujoco.mj_kinematics(model, data)
-            turned = own @ data.xmat[links].reshape(-1, 3, 3).swapaxes(1, 2)
-            positions.append(data.xpos[links] + turned[:, 0])
-        before, now, after = positions
-        velocity = dynamics.point_jacobian @ speed
-        np.testing.assert_allclose((after - before) / (2 * h), velocity, atol=1e-5)
-        desired = dynamics.point_jacobian @ acceleration + dynamics.point_drift
-        np.testing.assert_allclose((after - 2 * now + before) / h**2, desired, atol=2e-4)
+        turned = own @ data.xmat[links].reshape(-1, 3, 3).swapaxes(1, 2)
+        positions.append(data.xpos[links] + turned[:, 0])
+    before, now, after = positions
+    np.testing.assert_allclose((after - before) / (2 * h), dynamics.point_jacobian @ speed, atol=1e-5)
+    desired = dynamics.point_jacobian @ acceleration + dynamics.point_drift
+    np.testing.assert_allclose((after - 2 * now + before) / h**2, desired, atol=2e-4)
 
 
 def test_the_base_tilt_is_roll_and_pitch_and_the_yaw_relative_to_the_feet() -> None:
@@ -163,8 +160,8 @@ def test_torques_balance_the_forces_and_the_legs_own_weight(name: str) -> None:
     geoms = np.concatenate(foot_geoms(model, robot.description))
     for geom, point, f in zip(geoms, REST[name].point, force, strict=True):
         mujoco.mj_applyFT(model, data, f, still, point, model.geom_bodyid[geom], from_ground)
-    left = (data.qfrc_inverse - from_ground)[order]
-    np.testing.assert_allclose(left, [*np.zeros(6), *torque], atol=1e-6)
+    needed = (data.qfrc_inverse - from_ground)[order]
+    np.testing.assert_allclose(needed, [*np.zeros(6), *torque], atol=1e-6)
 
 
 def test_a_foot_with_a_force_limit_of_zero_carries_no_load() -> None:
@@ -178,11 +175,7 @@ def test_a_foot_with_a_force_limit_of_zero_carries_no_load() -> None:
 def test_a_foot_in_the_air_has_the_desired_acceleration_and_standing_points_come_to_rest() -> None:
     """The robot is in motion, so the drift terms matter, and the weights are large."""
     body, rng = BODIES["g1"], np.random.default_rng(8)
-    turn, velocity, gyro = (
-        normalised(np.array([1.0, 0.02, -0.03, 0.4])),
-        rng.normal(size=3),
-        rng.normal(size=3),
-    )
+    turn, (velocity, gyro) = normalised(np.array([1.0, 0.02, -0.03, 0.4])), rng.normal(size=(2, 3))
     pose = G1.default_pose + 0.05 * rng.normal(size=N)
     dynamics = body.update(Motion(turn, 0.1 * velocity, 0.5 * gyro, pose, rng.normal(size=N)))
     desired = STILL["g1"]._replace(feet=np.array([np.zeros(6), [1.0, -2.0, 3.0, 4.0, -5.0, 6.0]]))
@@ -245,53 +238,53 @@ class FailingSolver(BoundedSolver):
         return super().solve(problem)
 
 
-FAILING_SOLVERS = {
-    "infeasible": FailingSolver(),
-    "late": BoundedSolver(1, 2, accept_unfinished=False),
-    "not a number": FailingSolver(nan=True),
-}
+LATE = BoundedSolver(1, 2, accept_unfinished=False)
+FAILING_SOLVERS = {"infeasible": FailingSolver(), "late": LATE, "not a number": FailingSolver(nan=True)}
 
 
-class TestTicksWithoutSolution:
-    @pytest.fixture
-    def control(self) -> WholeBodyControl:
-        return WholeBodyControl(G1, CONFIG, dt_s=0.004)
+@pytest.fixture
+def control() -> WholeBodyControl:
+    return WholeBodyControl(G1, CONFIG, dt_s=0.004)
 
-    def command(self, control: WholeBodyControl) -> JointCommand:
-        """Command for a robot at rest that must accelerate forward, so that toes and heels differ."""
-        desired = STILL["g1"]._replace(centre=np.array([0.8, 0.0, 0.0]))
-        return control.command(REST["g1"], G1.default_pose, np.zeros(N), desired, np.full(8, 300.0))
 
-    @pytest.mark.parametrize("why", FAILING_SOLVERS)
-    def test_the_torques_fade_into_damping_with_a_note(self, control: WholeBodyControl, why: str) -> None:
-        good = self.command(control)
-        assert np.abs(good.torque).max() > 3.0
-        assert not control.notes
-        control.solver = FAILING_SOLVERS[why]
-        for tick in range(1, 6):
-            command = self.command(control)
-            np.testing.assert_allclose(command.torque, good.torque * np.exp(-0.08 * tick))
-            assert np.all(command.kd == 3.0)
-            assert not np.any([command.kp, command.velocity])
-            assert control.notes == (control_module.UNSOLVED,)
-        assert control.unsolved_ticks == 5
-        with pytest.raises(NoSolutionError, match=r"0\.02"):
-            self.command(control)
+def forward_command(control: WholeBodyControl) -> JointCommand:
+    """Command for a robot at rest that must accelerate forward, so that toes and heels differ."""
+    desired = STILL["g1"]._replace(centre=np.array([0.8, 0.0, 0.0]))
+    return control.command(REST["g1"], G1.default_pose, np.zeros(N), desired, np.full(8, 300.0))
 
-    def test_one_solution_resets_the_count_of_unsolved_ticks(self, control: WholeBodyControl) -> None:
-        sound, unsolvable = control.solver, FailingSolver()
-        for solver in [unsolvable] * 4 + [sound] + [unsolvable] * 4:
-            control.solver = solver
-            command = self.command(control)
-        assert control.unsolved_ticks == 8
-        assert np.all(np.isfinite(command.torque))
 
-    def test_a_run_without_a_solution_ends_damped_with_its_reason(self) -> None:
-        policy = Balance(G1)
-        policy.control.solver = FailingSolver(first_tick=100)
-        trace = run_episode(G1, policy, Episode(lambda _: np.zeros(3), duration_s=0.6))
-        assert trace.final_state == "ESTOP"
-        assert "0.1 s" in trace.faults[0]
+@pytest.mark.parametrize("why", FAILING_SOLVERS)
+def test_the_torques_fade_into_damping_with_a_note(control: WholeBodyControl, why: str) -> None:
+    good = forward_command(control)
+    assert np.abs(good.torque).max() > 3.0
+    assert not control.notes
+    control.solver = FAILING_SOLVERS[why]
+    for tick in range(1, 6):
+        command = forward_command(control)
+        np.testing.assert_allclose(command.torque, good.torque * np.exp(-0.08 * tick))
+        assert np.all(command.kd == 3.0)
+        assert not np.any([command.kp, command.velocity])
+        assert control.notes == (control_module.UNSOLVED,)
+    assert control.unsolved_ticks == 5
+    with pytest.raises(NoSolutionError, match=r"0\.02"):
+        forward_command(control)
+
+
+def test_one_solution_resets_the_count_of_unsolved_ticks(control: WholeBodyControl) -> None:
+    sound, unsolvable = control.solver, FailingSolver()
+    for solver in [unsolvable] * 4 + [sound] + [unsolvable] * 4:
+        control.solver = solver
+        command = forward_command(control)
+    assert control.unsolved_ticks == 8
+    assert np.all(np.isfinite(command.torque))
+
+
+def test_a_run_without_a_solution_ends_damped_with_its_reason() -> None:
+    policy = Balance(G1)
+    policy.control.solver = FailingSolver(first_tick=100)
+    trace = run_episode(G1, policy, Episode(lambda _: np.zeros(3), duration_s=0.6))
+    assert trace.final_state == "ESTOP"
+    assert "0.1 s" in trace.faults[0]
 
 
 class TestBalance:
@@ -356,8 +349,6 @@ class TestBalance:
             low = float((dynamics.centre - dynamics.foot.mean(axis=0))[2]) - policy.com_height_m
             assert desired.centre[2] == pytest.approx(-60.0 * share * low)
             assert abs(low) > 1e-3
-
-    def test_both_feet_stand(self, policy: Balance) -> None:
         assert policy.stance().tolist() == [1.0, 1.0]  # type: ignore[union-attr]
         assert (policy.rate_hz, policy.needs_estimate) == (self.CONFIG.rate_hz, True)
 
