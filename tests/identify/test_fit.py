@@ -41,18 +41,12 @@ TRUTH: Sample = {
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """A recording of the simulated robot with `TRUTH`."""
     path = tmp_path_factory.mktemp("identify") / "log.mcap"
     outcome = record(ROBOT, simulated_bus(ROBOT, TRUTH), path, SHORT)
-    assert outcome.final_state == "IDLE"
-    assert outcome.faults == ()
-    return path
-
-
-@pytest.fixture(scope="module")
-def recording(log: Path) -> Recording:
-    return read_recording(log, ROBOT)
+    assert (outcome.final_state, outcome.faults) == ("IDLE", ())
+    return read_recording(path, ROBOT)
 
 
 @pytest.fixture(scope="module")
@@ -60,16 +54,13 @@ def fit(recording: Recording) -> LegFit:
     return fit_leg(LEG, [recording], config=QUICK)
 
 
-def test_a_fit_finds_the_parameters_of_the_simulated_robot(fit: LegFit) -> None:
+def test_a_fit_finds_the_parameters_of_the_simulated_robot_and_predicts_held_out_motion(fit: LegFit) -> None:
     for joint in LEG.joint_names:
         assert fit.value("armature", joint) == pytest.approx(1.2, rel=0.03)
         assert fit.value("joint_friction", joint) == pytest.approx(0.8, rel=0.03)
         assert fit.value("joint_damping", joint) == pytest.approx(0.08, rel=0.2)
         # The delay includes two transfers over the bus.
         assert fit.value("delay_s", joint) == pytest.approx(0.0057, abs=0.0006)
-
-
-def test_a_fit_predicts_held_out_motion(fit: LegFit) -> None:
     assert (fit.held_out_rad < 0.002).all()
     assert (fit.held_out_rad < fit.nominal_rad / 5.0).all()
     assert (fit.misfit < 3.0).all()
@@ -137,8 +128,7 @@ def test_each_leg_has_its_own_motors() -> None:
 
 
 def test_the_noise_of_torque_readings_is_found(recording: Recording) -> None:
-    noise = np.random.default_rng(0).normal(0.0, 0.5, recording.torque.shape)
-    noisy = replace(recording, torque=recording.torque + noise)
+    noisy = replace(recording, torque=np.random.default_rng(0).normal(recording.torque, 0.5))
     np.testing.assert_allclose(problem_of(LEG, [noisy], FitConfig()).torque_sigma, 0.5, rtol=0.15)
 
 
@@ -150,10 +140,8 @@ def test_torque_readings_that_contradict_the_motion_are_noticed(
     read = replace(recording, torque=recording.torque * np.where(np.arange(N) == 2, factor, 1.0))
     problem = problem_of(LEG, [read], FitConfig())
     truth = {name: float(np.mean(value)) for name, value in TRUTH.items()} | {"delay_s": 0.0057}
-    at = problem.scaled(
-        np.array([truth.get(each.quantity, each.kind.nominal) for each in problem.parameters])
-    )
-    noise = problem.torque_sigma
+    values = [truth.get(each.quantity, each.kind.nominal) for each in problem.parameters]
+    at, noise = problem.scaled(np.array(values)), problem.torque_sigma
     problem.refine_starts(at)
     assert (torque_error(problem, at, noise) > TORQUE_SHARE).tolist() == [False, False, wrong]
 
@@ -163,8 +151,7 @@ def test_wrong_torque_readings_do_not_shift_the_parameters(recording: Recording)
     fit = fit_leg(LEG, [read], config=QUICK)
     assert (fit.torque_error > TORQUE_SHARE).tolist() == [False, False, True]
     assert fit.torque_error[2] == pytest.approx(1.0 - 1.0 / 1.3, abs=0.02)  # a shifted fit hides half of it
-    calf = LEG.joint_names[2]
-    assert fit.value("armature", calf) == pytest.approx(1.2, rel=0.05)
+    assert fit.value("armature", LEG.joint_names[2]) == pytest.approx(1.2, rel=0.05)
 
 
 def test_a_page_shows_each_joint_and_is_self_contained(fit: LegFit, monkeypatch: pytest.MonkeyPatch) -> None:

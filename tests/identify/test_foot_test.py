@@ -35,11 +35,9 @@ def test_a_scale_shows_the_missing_force_of_weak_motors(go1: Robot, strength: fl
 
 def test_motors_that_report_twice_their_torque_are_found() -> None:
     """The scale shows a preload of 3 N and half of the reported force, or all of it."""
+    place = np.zeros(3)
     for share, findings in ((0.5, 2), (1.0, 0)):
-        measured = [
-            Measurement(Hold(np.zeros(3), force, 1.0), np.zeros(3), force, share * force + 3.0)
-            for force in (10.0, 20.0)
-        ]
+        measured = [Measurement(Hold(place, n, 1.0), place, n, share * n + 3.0) for n in (10.0, 20.0)]
         assert len(press_findings(measured, FootTestConfig(presses=(0.1, 0.2)))) == findings
 
 
@@ -53,8 +51,3 @@ def test_the_foot_of_a_simulated_robot_reaches_all_positions(tmp_path: Path) -> 
     )
     assert np.abs(commanded).sum() == pytest.approx(6 * 0.04)
     assert reached == pytest.approx(commanded, abs=0.001)
-
-
-def test_an_unknown_foot_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["identify", "foot", "tail"]) == 2
-    assert "FL" in capsys.readouterr().err

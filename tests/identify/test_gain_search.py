@@ -58,37 +58,27 @@ def searched(rings: Callable[[Gains], bool], config: GainConfig = CONFIG) -> tup
             return end.value, tried
 
 
-def test_gains_are_raised_until_the_joint_rings_and_then_lowered() -> None:
+def test_gains_are_raised_until_the_joint_rings_and_then_lowered_and_otherwise_stay() -> None:
     tuned, tried = searched(lambda gains: gains.kp > 3.0 or gains.kd > 2.0)
     assert tuned.kp_rings == pytest.approx(1.25**5)
     assert tuned.kd_rings == pytest.approx(1.25**4)
     assert tuned.proposed == pytest.approx((0.8 * 1.25**5, 0.8 * 1.25**4))
     steps = [after.kp / before.kp for before, after in pairwise(tried)]
     assert max(steps) <= 1.25 + 1e-9
+    lowered, _ = searched(lambda gains: gains.kp > 0.6)  # the own gains ring
+    assert (lowered.kp_rings, lowered.proposed.kp) == pytest.approx((0.64, 0.512))
+    own, tried = searched(lambda gains: False)
+    assert (own.kp_rings, own.kd_rings, own.proposed) == (None, None, Gains())
+    assert max(gains.kp for gains in tried) <= CONFIG.max_gain
 
 
-def test_own_gains_that_ring_are_lowered() -> None:
-    tuned, _ = searched(lambda gains: gains.kp > 0.6)
-    assert tuned.kp_rings == pytest.approx(0.64)
-    assert tuned.proposed.kp == pytest.approx(0.512)
-
-
-def test_a_run_is_long_enough_for_joints_that_ring_at_every_gain() -> None:
+def test_a_run_is_long_enough_for_joints_that_ring_at_every_gain_which_must_be_reduced() -> None:
     config = GainConfig(backoff=0.9)
     _, tried = searched(lambda gains: True, config)
     joint_s = len(tried) * (config.trial_s + config.settle_s)
     assert GainSearch(load_robot("go1"), config, 500.0).duration_s > 3 * joint_s
-
-
-def test_a_gain_that_rings_must_be_reduced() -> None:
     with pytest.raises(ValueError, match="backoff"):
         GainConfig(backoff=1.0)
-
-
-def test_without_ringing_the_own_gains_stay() -> None:
-    tuned, tried = searched(lambda gains: False)
-    assert (tuned.kp_rings, tuned.kd_rings, tuned.proposed) == (None, None, Gains())
-    assert max(gains.kp for gains in tried) <= CONFIG.max_gain
 
 
 def test_a_joint_with_a_slow_motor_rings_on_the_robot() -> None:
@@ -103,8 +93,8 @@ def test_a_joint_with_a_slow_motor_rings_on_the_robot() -> None:
     )
     assert (outcome.final_state, outcome.faults) == ("IDLE", ())
     assert len(policy.tuned) == 12
-    assert policy.tuned[0].kp_rings is not None
-    assert policy.tuned[3].kp_rings is None  # the other front hip
+    # Of the two front hips, the first one rings.
+    assert [policy.tuned[joint].kp_rings is None for joint in (0, 3)] == [False, True]
 
 
 def test_the_command_writes_each_joints_gains(shell: Shell, tmp_path: Path) -> None:

@@ -13,17 +13,15 @@ from footfall.identify.simulated import simulated_bus
 from footfall.robots.description import Robot
 
 
-def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_overwritten(shell: Shell, tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     log.write_text("mine")
-    assert main(["identify", "record", str(log)]) == 2
-    assert main(["identify", "fit", str(log), "--out", str(tmp_path)]) == 2
-    assert main(["identify", "net", str(log), "--out", str(tmp_path)]) == 2
+    for arguments in (["record", log], ["fit", log, "--out", tmp_path], ["net", log, "--out", tmp_path]):
+        shell.refuses("identify", *arguments)
     assert log.read_text() == "mine"
-    assert capsys.readouterr().err.count("\n") == 3
 
 
-def test_a_fit_without_a_log_and_a_record_that_cannot_be_made_are_refused(
+def test_a_fit_without_a_log_an_unknown_foot_and_a_record_that_cannot_be_made_are_refused(
     shell: Shell, tmp_path: Path
 ) -> None:
     (tmp_path / "motion.yaml").write_text("stiffness: [0.5]")
@@ -37,6 +35,7 @@ def test_a_fit_without_a_log_and_a_record_that_cannot_be_made_are_refused(
         ("fit x x", "twice"),
         ("fit x --held-out ./x", "twice"),  # a fit cannot be validated on its own log
         ("fit x --out absent/robot", "absent"),  # before minutes of work
+        ("foot tail", "FL"),
         ("record log.mcap --excitation motion.yaml", "stiffness"),  # two chirps need two gains
         ("record log.mcap --bus virtual --plant other.xml", ""),  # a plant is for the simulated robot alone
     ):

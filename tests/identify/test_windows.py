@@ -22,20 +22,15 @@ def test_a_window_holds_its_own_readings_at_any_rate() -> None:
     time_s = np.cumsum(rng.uniform(0.002, 0.009, 1000))
     windows = cut(recording(time_s), np.array([0]), 1.0, 0.002)
     assert windows.width >= 4
-    assert (windows.time_s > 0.0).all()
-    assert (windows.time_s < 1.0).all()
+    assert ((windows.time_s > 0.0) & (windows.time_s < 1.0)).all()
 
 
-def test_a_window_with_a_gap_is_left_out() -> None:
+def test_a_window_with_a_gap_is_left_out_and_windows_without_readings_are_refused() -> None:
     time_s = np.arange(0.0, 5.2, 0.005)
     whole = cut(recording(time_s), np.array([0]), 1.0, 0.002).width
-    gap = time_s[(time_s < 2.3) | (time_s > 2.8)]
-    windows = cut(recording(gap), np.array([0]), 1.0, 0.002)
+    windows = cut(recording(time_s[(time_s < 2.3) | (time_s > 2.8)]), np.array([0]), 1.0, 0.002)
     assert windows.width == whole - 1
     assert (np.diff(windows.time_s[:, :, 0]) < 0.02).all()
-
-
-def test_windows_without_readings_are_refused() -> None:
     with pytest.raises(UserError):
         cut(recording(np.arange(0.0, 400.0, 1.0)), np.array([0]), 0.5, 0.002)
 
