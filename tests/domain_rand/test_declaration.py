@@ -193,15 +193,11 @@ CONFIG = load_preset("smoke").env
 
 @dataclass(frozen=True)
 class WithTorque(Noise):
-    """The readings, and the motors' torques."""
-
     joint_torque: float = reading(kinds.JOINTS, "joint_torque")
 
 
 @dataclass(frozen=True)
 class WithSpeed(Randomisation):
-    """The quantities, and the motors' no-load speed."""
-
     motor_speed: Distribution | None = quantity(kinds.JOINT_AMOUNTS, SCALE, motor=scales("no_load_speed"))
 
 

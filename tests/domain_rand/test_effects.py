@@ -1,7 +1,6 @@
 """Each named distribution changes the quantity of physics or readings in its name.
 
-Delays, pushes and initial states are tested with the loop and the
-environment.
+Delays, pushes and initial states are tested with the loop and the environment.
 """
 
 import mujoco

@@ -144,9 +144,7 @@ def test_the_tempo_falls_at_once_and_rises_by_half_in_a_second(monkeypatch: pyte
     assert (first[-1], faster[-1]) == pytest.approx((1.0, 0.8))
     np.testing.assert_allclose(slow, 0.6)
     np.testing.assert_allclose(np.diff(faster[100:150]), 0.5 / RATE_HZ, rtol=1e-6)
-
-
-def test_the_tempo_between_two_speeds_suits_both(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Between two speeds the tempo suits both.
     before, after = tempos(monkeypatch, (0.35, 0.7), (0.25, 1.0))
     ticks = int((0.35 - 0.25) / CONFIG.command.acceleration_m_s2 * RATE_HZ) - 1
     assert ticks > 10

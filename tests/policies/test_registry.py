@@ -88,16 +88,16 @@ class TestOwn:
         for name in files:
             sys.modules.pop(name, None)
 
-    def test_a_users_class_is_deployed(self, go1: Robot, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_a_users_class_is_deployed(
+        self, go1: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        (tmp_path / "this.py").write_text("")  # a library that nothing has imported yet
         policy = load_policy("mine:Sway", go1)
         assert isinstance(policy, Policy)
         assert policy.name == "sway"
         ended = Shell(capsys)("deploy", "mine:Sway", "--command", "0,0,0", "--duration", "0.3")
         assert ended.status == 0, ended.err
-
-    def test_no_file_beside_a_users_class_replaces_a_library(self, go1: Robot, tmp_path: Path) -> None:
-        (tmp_path / "this.py").write_text("")  # a library that nothing has imported yet
-        load_policy("mine:Sway", go1)
+        # No file beside the class replaces a library.
         found = PathFinder.find_spec("this")
         assert found is not None
         assert found.origin != str(tmp_path / "this.py")

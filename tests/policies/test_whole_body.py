@@ -41,9 +41,8 @@ CONFIG = WholeBodyConfig(
     JointFeedback(kp=0.0, kd=1.0, memory_s=0.05, friction_compensation=0.0),
     NoSolutionConfig(fade_s=0.05, kd=3.0, max_s=0.02),
 )
-NO_ACCELERATION = np.zeros((3, 3))  # of the centre, angular momentum and attitude
-STILL = {
-    name: Desired(*NO_ACCELERATION, np.zeros((BODIES[name].feet, 6)), np.zeros_like(robot.default_pose))
+STILL = {  # no acceleration of the centre, of angular momentum, attitude, feet and joints
+    name: Desired(*np.zeros((3, 3)), np.zeros((BODIES[name].feet, 6)), np.zeros_like(robot.default_pose))
     for name, robot in ROBOTS.items()
 }
 
