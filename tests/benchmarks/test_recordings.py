@@ -12,7 +12,6 @@ from recordings import double_pendulum, servo_logs, servo_pendulum
 from recordings.rollout import Inputs, rollouts
 
 from footfall.common.errors import UserError
-from footfall.identify.shooting import Shooting
 
 STEP_S = double_pendulum.STEP_S
 SWINGS = {**ak80_6.PUBLISHED, "strength_2": 0.9, "delay_1": 0.0, "delay_2": 0.006, "load_friction_1": 0.05}
@@ -49,25 +48,17 @@ def made_up(path: Path, seed: int) -> None:
     np.savetxt(path, rows, delimiter=",", header="time,pos1,pos2,tau1,tau2", comments="")
 
 
-@pytest.fixture(scope="module")
-def windows(tmp_path_factory: pytest.TempPathFactory) -> Shooting:
-    """Windows of two made-up recordings."""
-    folder = tmp_path_factory.mktemp("recordings")
+def test_a_made_up_double_pendulum_is_found_and_its_motion_explained(tmp_path: Path) -> None:
+    """From two recordings; in a cross-validation each block is held out once."""
     for seed in range(2):
-        made_up(folder / f"design_A.0_{seed}.csv", seed)
-    return ak80_6.problem(str(folder))
-
-
-def test_a_made_up_double_pendulum_is_found_and_its_motion_explained(windows: Shooting) -> None:
+        made_up(tmp_path / f"design_A.0_{seed}.csv", seed)
+    windows = ak80_6.problem(str(tmp_path))
     numbers = windows.fit(rounds=2, iterations=5)
     found = ak80_6.derived(numbers)
     assert found["length_1"] == pytest.approx(0.3, rel=0.02)
     assert found["strength_2"] == pytest.approx(0.9, rel=0.03)
     assert found["delay_2"] == pytest.approx(0.006, abs=0.001)
     assert ak80_6.explained(windows.errors(numbers), windows.measured).min() > 0.9995
-
-
-def test_each_block_is_held_out_once(windows: Shooting) -> None:
     times = sum(ak80_6.held_out(windows, "blocks", fold).astype(int) for fold in range(ak80_6.FOLDS))
     assert (times == 1).all()
 

@@ -18,7 +18,11 @@ def _never(task: tuple[str, int]) -> dict[str, Any]:
     raise AssertionError("it was run again")
 
 
-def test_results_come_in_the_tasks_order_and_a_failure_is_named(tmp_path: Path) -> None:
+def test_results_come_in_the_tasks_order_and_failures_and_runs_beyond_the_time_are_named(
+    tmp_path: Path,
+) -> None:
+    late = run_resumable(_never, TASKS, tmp_path / "late.jsonl", workers=1, time_limit_s=0.0)
+    assert late == ([], ["3 of 3 runs are left for another call"])
     results, errors = run_resumable(_double, TASKS, tmp_path / "runs.jsonl", workers=1)
     assert results == [{"name": "a", "doubled": 2}, {"name": "c", "doubled": 6}]
     assert errors == ["('b', 2): ValueError: no b today"]
@@ -33,9 +37,3 @@ def test_finished_rows_are_kept_and_a_truncated_row_is_run_again(tmp_path: Path)
     results, _ = run_resumable(_double, TASKS, out, workers=1)
     assert results == [{"kept": True}, {"name": "c", "doubled": 6}]
     assert list(read_runs(out)) == ['["a", 1]', '["c", 3]']
-
-
-def test_after_the_time_limit_nothing_starts_and_the_rest_is_listed(tmp_path: Path) -> None:
-    results, errors = run_resumable(_never, TASKS, tmp_path / "runs.jsonl", workers=1, time_limit_s=0.0)
-    assert results == []
-    assert errors == ["3 of 3 runs are left for another call"]

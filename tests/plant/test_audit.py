@@ -28,13 +28,10 @@ def test_torque_beyond_a_motors_peak_is_reported_as_a_share(go1: Robot) -> None:
         assert audit.stiff
 
 
-def test_targets_beyond_limits_are_reported(go1: Robot) -> None:
+def test_targets_beyond_limits_and_jumping_targets_are_reported(go1: Robot) -> None:
     for limit, by in ((go1.soft_limits[1], 0.25), (go1.soft_limits[0], -0.25)):
         audit = audited(go1, (limit - go1.default_pose + by) * np.eye(12)[2])
         assert audit.outside_rad == pytest.approx(0.25, abs=1e-3)
-
-
-def test_a_jumping_target_is_reported(go1: Robot) -> None:
     for jump_rad in (0.06, -0.06):
         share = audited(go1, 0.0, jump_rad, jump_rad).rate_share
         assert share == pytest.approx(0.06 / 0.002 / go1.description.target_rate_rad_s, rel=0.02)

@@ -39,6 +39,7 @@ def test_the_mean_velocity_is_over_all_samples() -> None:
 
 
 def test_the_energy_of_each_step_counts_once_for_any_number_of_steps(go1: Robot) -> None:
+    """Memory does not grow while the power is not taken: a served simulated robot may run for hours."""
     meter, rng = EnergyMeter(go1), np.random.default_rng(4)
     assert tuple(meter.take()) == (0.0, 0.0, 0.0)
     resistance, constant, gear = np.full(12, 0.17), np.full(12, 0.105), np.tile([6.0, 6.0, 9.0], 4)
@@ -50,11 +51,6 @@ def test_the_energy_of_each_step_counts_once_for_any_number_of_steps(go1: Robot)
         electrical = shaft + resistance * (torque / (gear * constant)) ** 2
         sums = np.array([electrical.sum(), shaft.sum(), shaft[shaft > 0].sum()])
         np.testing.assert_allclose(meter.take(), sums / steps)
-
-
-def test_memory_does_not_grow_while_the_power_is_not_taken(go1: Robot) -> None:
-    """A served simulated robot may run for hours."""
-    meter = EnergyMeter(go1)
     tracemalloc.start()
     try:
         for _ in range(5000):
