@@ -158,11 +158,8 @@ def test_a_plants_imu_has_the_robots_position_and_rotation(own_folder: Path, tmp
     moved = changed_plant(robot, tmp_path / "plant.xml", ('pos="0.11 -0.07 0.05"', 'pos="0 0 0"'))
     plant = read_plant(robot, moved)
     model = plant.model
-    data = mujoco.MjData(model)
-    quaternion = np.array([0.8, 0.3, -0.2, 0.48])
-    data.qpos[:7] = 1.0, 2.0, 9.0, *quaternion / np.linalg.norm(quaternion)
-    data.qpos[joint_addresses(model, robot)[0]] = robot.default_pose
-    spin = np.array([2.0, -3.0, 4.0])
+    data, spin = posed(model, robot, 9.0), np.array([2.0, -3.0, 4.0])
+    data.qpos[3:7] = np.array([0.8, 0.3, -0.2, 0.48]) / np.linalg.norm([0.8, 0.3, -0.2, 0.48])
     data.qvel[:6] = 0.5, 0.2, -0.1, *spin
     mujoco.mj_forward(model, data)
     turned = rotation_matrix(data.qpos[3:7])

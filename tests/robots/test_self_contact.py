@@ -13,7 +13,6 @@ from footfall.robots.model import joint_addresses, plant_model, training_model
 
 DEEP_M = 0.01  # allowed overlap before training's simpler shapes touch
 NEAR_M = 0.006  # allowed distance when training's simpler shapes touch
-JOINT_RAD = 0.1  # initial distance of episodes from the default pose
 
 
 def touching(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[set[str]]:
@@ -26,7 +25,7 @@ def touching(model: mujoco.MjModel, robot: Robot, pose: np.ndarray) -> list[set[
 def test_no_legs_touch_where_training_starts(name: str) -> None:
     robot = load_robot(name)
     model, rng = training_model(robot), np.random.default_rng(0)
-    for spread in (0.0, *300 * [JOINT_RAD]):
+    for spread in (0.0, *300 * [0.1]):  # rad, initial distance of episodes from the default pose
         offset = spread * rng.uniform(-1, 1, len(robot.joint_names))
         assert not touching(model, robot, robot.default_pose + offset)
 
@@ -47,11 +46,10 @@ def test_legs_touch_once_at_shank_and_foot(go1: Robot, first: int, names: tuple[
 
 def test_pairs_stay_on_the_plant_if_legs_collide_only_through_pairs(own_folder: Path) -> None:
     """The robot's shanks and feet touch only through pairs."""
-    xml = own_folder / "robot.xml"
-    text = xml.read_text()
+    text = (own_folder / "robot.xml").read_text()
     for geom in ('size="0.012"', 'friction="0.8" density'):
         text = text.replace(geom, f'contype="0" conaffinity="0" {geom}')
-    xml.write_text(text)
+    (own_folder / "robot.xml").write_text(text)
     assert plant_model(load_robot(own_folder)).npair == 2
 
 
