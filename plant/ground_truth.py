@@ -47,7 +47,7 @@ class GroundTruth:
         self._geoms_of_foot = [geoms.tolist() for geoms in plant.feet]
         self._qpos, self._qvel = layout.qpos, layout.qvel
         self._free_qpos, self._free_qvel = layout.base_qpos, layout.base_qvel
-        self._feet = np.concatenate([np.empty(0, int), *plant.feet]).tolist()  # geoms of all feet
+        self._feet = plant.foot_geoms
         self._foot_of_geom: list[int | None] = [None] * plant.model.ngeom
         for foot, geoms in enumerate(plant.feet):
             for geom in geoms.tolist():

@@ -123,8 +123,7 @@ class SimulatedRobot:
         if declared is not None:
             charge = battery_charge(sample, config.charge)
             self.battery = SimulatedBattery(robot, declared, self._motors, float(charge), step_s)
-        feet = np.concatenate([np.empty(0, int), *plant.feet]).tolist()
-        self._engine = open_engine(config.engine, self.model, self.data, feet, config.ground)
+        self._engine = open_engine(config.engine, self.model, self.data, plant.foot_geoms, config.ground)
         self._ground_truth = GroundTruth(
             plant, self.data, self._engine, self._layout, robot.description.standing_height_m
         )

@@ -112,6 +112,11 @@ class Plant(NamedTuple):
     leg_of_body: np.ndarray  # (nbody,) foot of the leg that each body belongs to, or NO_LEG (`leg_of_bodies`)
     notes: tuple[str, ...]  # missing values of the file and their replacements, one line each
 
+    @property
+    def foot_geoms(self) -> list[int]:
+        """Geoms of all feet, foot by foot."""
+        return [geom for geoms in self.feet for geom in geoms.tolist()]
+
 
 def plant_model(robot: Robot, path: Path | None = None) -> mujoco.MjModel:
     """The model of a plant (see `read_plant`)."""
