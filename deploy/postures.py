@@ -59,7 +59,7 @@ class Postures:
         self._gains = self._stiff
         self._max_rate = limit
         self._path = PosePath([self._standing], [])
-        self._carried_s = 0.0
+        self._legs_carry_from_s = 0.0  # time from which the legs should carry the base
 
     def stand_up(self, joint_position: np.ndarray, quaternion: np.ndarray) -> None:
         """Start the path to the default pose; a lying robot folds its legs first.
@@ -74,14 +74,14 @@ class Postures:
                 [joint_position, joint_position], [self._rate], MOVING_SHARE * self._config.stand_s
             )
             return
-        sunk = self._config.safety.sensors.sunk
-        lies = self._lying is not None and self._clearance.sunk_share(joint_position, quaternion) >= sunk
+        min_share = self._config.safety.sensors.sunk  # a base that sank this far lies on the ground
+        lies = self._lying is not None and self._clearance.sunk_share(joint_position, quaternion) >= min_share
         poses = [joint_position, self._standing]
         if lies and self._lying is not None:
             poses.insert(1, self._lying)
         min_s = MOVING_SHARE * self._config.stand_s
         self._path = PosePath(poses, [self._rate] * (len(poses) - 1), min_s)
-        self._carried_s = self._path.duration_s if lies else 0.0
+        self._legs_carry_from_s = self._path.duration_s if lies else 0.0
 
     def lie_down(self, target: np.ndarray, before: MotionBefore) -> None:
         """Start the path to the lying pose, if the robot has one.
@@ -99,7 +99,7 @@ class Postures:
             poses.insert(1, self._standing + share * (self._lying - self._standing))
             rates.insert(0, rate)
         self._path = PosePath(poses, rates)
-        self._carried_s = float("inf")
+        self._legs_carry_from_s = float("inf")
 
     def unfold(self, joint_position: np.ndarray) -> None:
         """Start the path of a fallen robot to the default pose, in any position of its base.
@@ -122,7 +122,7 @@ class Postures:
         command = JointCommand(self._path.at(time_s), self._zeros, *self._gains, self._zeros)
         if sensed is None or not self._levelling_active:
             return command
-        return self._levelling.applied(command, time_s - self._carried_s, sensed)
+        return self._levelling.applied(command, time_s - self._legs_carry_from_s, sensed)
 
     def done(self, time_s: float) -> bool:
         """Whether the pose is reached, and the robot has settled in it."""
@@ -136,5 +136,5 @@ class Postures:
 
     def on_legs(self, time_s: float, mode: Mode) -> bool:
         """Whether the legs should carry the base; the policy takes control once they do."""
-        carried = mode in DECIDING or time_s >= self._carried_s
-        return self._stands and carried and not self.held_up(time_s, mode)
+        legs_carry = mode in DECIDING or time_s >= self._legs_carry_from_s
+        return self._stands and legs_carry and not self.held_up(time_s, mode)

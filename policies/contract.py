@@ -64,7 +64,7 @@ class Contract:
     kd: tuple[float, ...]  # damping, N m s/rad
     commands: CommandRange  # command ranges used in training
     gait: Gait | None = None  # None: the policy has no gait clock
-    standing_command: float = 0.1  # a command with a smaller norm means standing still; 0: stepping in place
+    standing_command: float = 0.1  # norm below which a command means to stand still; 0: step in place
     version: int = field(default=VERSION)  # version of this format
 
     def __post_init__(self) -> None:
@@ -91,7 +91,7 @@ class Contract:
         """Contract in a JSON text; UserError if the text is not a contract."""
         try:
             data = json.loads(text)
-        except (ValueError, RecursionError) as error:  # RecursionError: too many brackets
+        except (ValueError, RecursionError) as error:  # RecursionError: nested too deeply
             raise UserError(f"{source}: its contract is not JSON ({error})") from None
         return structure(data, Contract, source)
 

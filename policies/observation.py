@@ -157,7 +157,7 @@ def step_values(
     Args:
         inputs: sources of the values.
         contract: contract of the policy.
-        sources: `term_sources` of the contract, for a loop: finding a term and its parameters takes time.
+        sources: `term_sources` of the contract, if already known: finding a term takes time.
     """
     xp = inputs.command.__array_namespace__()
     pairs = zip(contract.observation, sources or term_sources(contract), strict=True)

@@ -1,4 +1,4 @@
-"""The robot's tree of links for ROS: each link follows one joint, whose frame it has (REP 103, 105, 120)."""
+"""The robot's tree of links for ROS (REP 103, 105, 120). A link has the frame of the joint that moves it."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -50,12 +50,12 @@ def link_tree(robot: Robot, model: mujoco.MjModel) -> tuple[Link, ...]:
     """
     base = model.body(robot.description.base).id
     links = [Link(BASE), _base_body(robot.description.base, base)]
-    last = {base: links[-1]}  # the link that each body is
+    link_of_body = {base: links[-1]}  # of several links, the last one: it has the mass
     for body in range(base + 1, model.nbody):  # parents come first
-        parent_link = last.get(int(model.body_parentid[body]))
+        parent_link = link_of_body.get(int(model.body_parentid[body]))
         if parent_link is not None:
             added = list(_links_of(model, body, parent_link))
-            last[body] = added[-1]
+            link_of_body[body] = added[-1]
             links += added
     site = model.site(robot.description.imu)
     links.append(
@@ -63,7 +63,7 @@ def link_tree(robot: Robot, model: mujoco.MjModel) -> tuple[Link, ...]:
     )
     for foot in robot.description.feet:
         geoms = [model.geom(name).id for name in foot.geoms]
-        end = last[int(model.geom_bodyid[geoms[0]])]
+        end = link_of_body[int(model.geom_bodyid[geoms[0]])]
         position = end.body_origin + model.geom_pos[geoms].mean(axis=0)
         name = SOLE.format(foot.name)
         links.append(Link(name, end.name, f"{name}_joint", position=position))
@@ -78,23 +78,25 @@ def _base_body(name: str, body: int) -> Link:
 def _links_of(model: mujoco.MjModel, body: int, parent_link: Link) -> Iterator[Link]:
     """The links of a body, one for each of its joints; all except the last are without mass."""
     start, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-    name, at = model.body(body).name or f"body_{body}", parent_link.body_origin + model.body_pos[body]
+    name, offset = model.body(body).name or f"body_{body}", parent_link.body_origin + model.body_pos[body]
     body_rotation = rotation_matrix(model.body_quat[body])
     if not count:
-        yield Link(name, parent_link.name, f"{name}_fixed", position=at, rotation=body_rotation, body=body)
+        yield Link(
+            name, parent_link.name, f"{name}_fixed", position=offset, rotation=body_rotation, body=body
+        )
         return
-    # `origin`: that of the body, in the frame in which the next joint is placed.
+    # `origin` is the body's origin in the frame in which the next joint is placed.
     parent, origin = parent_link.name, np.zeros(3)
     for joint in range(start, start + count):
         is_last = joint == start + count - 1
         joint_name = model.joint(joint).name or f"{name}_joint_{joint - start}"
         kind, axis = _kind(model, joint, joint_name), model.jnt_axis[joint].copy()
-        anchor, zero = model.jnt_pos[joint], model.qpos0[model.jnt_qposadr[joint]]
-        position, joint_rotation = at + body_rotation @ (origin + anchor), body_rotation
+        anchor, reference = model.jnt_pos[joint], model.qpos0[model.jnt_qposadr[joint]]
+        position, joint_rotation = offset + body_rotation @ (origin + anchor), body_rotation
         if kind == PRISMATIC:
-            position = position - body_rotation @ axis * zero
+            position = position - body_rotation @ axis * reference
         else:
-            joint_rotation = body_rotation @ _about(axis, -zero)
+            joint_rotation = body_rotation @ _rotation_about(axis, -reference)
         yield Link(
             name if is_last else f"{name}_{joint_name}",
             parent,
@@ -106,7 +108,7 @@ def _links_of(model: mujoco.MjModel, body: int, parent_link: Link) -> Iterator[L
             body if is_last else -1,
             -anchor if is_last else np.zeros(3),
         )
-        parent, origin, at, body_rotation = f"{name}_{joint_name}", -anchor, np.zeros(3), np.eye(3)
+        parent, origin, offset, body_rotation = f"{name}_{joint_name}", -anchor, np.zeros(3), np.eye(3)
 
 
 def _kind(model: mujoco.MjModel, joint: int, name: str) -> str:
@@ -118,7 +120,7 @@ def _kind(model: mujoco.MjModel, joint: int, name: str) -> str:
     raise UserError(f"joint {name} is neither a hinge nor a slide: a URDF has no such joint")
 
 
-def _about(axis: np.ndarray, angle_rad: float) -> np.ndarray:
+def _rotation_about(axis: np.ndarray, angle_rad: float) -> np.ndarray:
     quaternion = np.empty(4)
     mujoco.mju_axisAngle2Quat(quaternion, axis, angle_rad)
     return rotation_matrix(quaternion)

@@ -1,4 +1,4 @@
-"""Statics of a machine on stiff joints: its torques, and whether it tips.
+"""Statics of a robot on stiff joints: its torques, and whether it tips.
 
 With its feet fixed to the ground, a robot at rest in its default pose is stable if its potential energy (of
 gravity and of the joints' springs) has a minimum there: N'(K + G)N is positive definite. N is a basis of the
@@ -40,29 +40,29 @@ def statics(
         model: model with a free base as its first joint.
         joints: names of the driven joints.
         legs: the legs; their geoms, spheres and ellipsoids, stand on the ground.
-        qpos: (nq,) the base level.
+        qpos: (nq,) configuration with a level base.
     """
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
-    points = [_lowest(model, data, name) for leg in legs for name in leg.geoms]
+    points = [_lowest_point(model, data, name) for leg in legs for name in leg.geoms]
     positions = np.array([position for _, position in points])
     force = _ground_forces(positions, data.subtree_com[1], float(model.body_mass.sum() * GRAVITY_M_S2))
     body_points = [
         (body, data.xmat[body].reshape(3, 3).T @ (position - data.xpos[body])) for body, position in points
     ]
-    unbalanced = _unbalanced(model, qpos, body_points, force)
+    required = _required_force(model, qpos, body_points, force)
     jacobian = np.concatenate([_jacobian(model, data, body, local) for body, local in body_points])
     _, values, rows = np.linalg.svd(jacobian)
     free = rows[int((values > 1e-6 * values[0]).sum()) :].T
     slope = np.stack([_slope(model, qpos, body_points, force, direction) for direction in free.T], axis=1)
     gravity = free.T @ slope
     dofs = [int(model.joint(name).dofadr[0]) for name in joints]
-    return Statics(unbalanced[dofs], (gravity + gravity.T) / 2, free[dofs])
+    return Statics(required[dofs], (gravity + gravity.T) / 2, free[dofs])
 
 
-def _lowest(model: mujoco.MjModel, data: mujoco.MjData, geom: str) -> tuple[int, np.ndarray]:
-    """The body of a sphere or an ellipsoid and its lowest point, (3,) m."""
+def _lowest_point(model: mujoco.MjModel, data: mujoco.MjData, geom: str) -> tuple[int, np.ndarray]:
+    """Id of a geom's body, and the geom's lowest point, (3,) m. The geom is a sphere or an ellipsoid."""
     index = model.geom(geom).id
     axes, size = data.geom_xmat[index].reshape(3, 3), model.geom_size[index]
     if model.geom_type[index] == mujoco.mjtGeom.mjGEOM_SPHERE:
@@ -85,7 +85,7 @@ def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, body: int, local: np.n
     return jacobian
 
 
-def _unbalanced(
+def _required_force(
     model: mujoco.MjModel, qpos: np.ndarray, body_points: list[tuple[int, np.ndarray]], force: np.ndarray
 ) -> np.ndarray:
     """Generalised force required for equilibrium, (nv,): against gravity, minus the ground's forces."""
@@ -105,9 +105,11 @@ def _slope(
     force: np.ndarray,
     direction: np.ndarray,
 ) -> np.ndarray:
-    """Derivative of `_unbalanced` along a direction (nv,)."""
+    """Derivative of `_required_force` along a direction (nv,)."""
     plus, minus = qpos.copy(), qpos.copy()
     mujoco.mj_integratePos(model, plus, direction, STEP)
     mujoco.mj_integratePos(model, minus, direction, -STEP)
-    difference = _unbalanced(model, plus, body_points, force) - _unbalanced(model, minus, body_points, force)
+    difference = _required_force(model, plus, body_points, force) - _required_force(
+        model, minus, body_points, force
+    )
     return difference / (2 * STEP)

@@ -96,7 +96,7 @@ def test_a_sweep_begins_or_is_resumed(shell: Shell, called: Recorder, swept: Sim
     assert ["0.2", "3", "2.5", "unknown", "1", "2", "4"] in rows
     assert shell("sweep", "--resume", "mine").status == 0
     assert called.of("resume_sweep") == ((Path("mine"),), {})
-    assert "leave --out out" in shell.refuses("sweep", "--resume", "mine", "--out", "x")
+    assert "--out" in shell.refuses("sweep", "--resume", "mine", "--out", "x")
     assert "give either" in shell.refuses("sweep")
     assert "give either" in shell.refuses("sweep", "a.yaml", "--resume", "mine")
 

@@ -1,4 +1,4 @@
-"""Train, resume and export, as the command line calls it, with trainers by name or of a user's own."""
+"""Train, resume and export, as the command line does, with a named trainer or a user's own class."""
 
 import ast
 import io
@@ -40,7 +40,7 @@ def run(run: Run) -> Run:
     return replace(run, provenance=provenance)
 
 
-def test_a_request_is_in_the_folder_that_is_made(tmp_path: Path, go1: Robot) -> None:
+def test_a_new_run_folder_records_its_request(tmp_path: Path, go1: Robot) -> None:
     out = tmp_path / "mine"
     assert api.begin(TrainRequest("go1", "smoke", 9, out, 12345, 7.5, OWN)) == out
     smoke, opened = load_preset("smoke"), open_run(out)
@@ -67,10 +67,10 @@ def resumed(run: Run) -> str:
     return text.getvalue()
 
 
-def test_a_run_is_finished_with_its_last_checkpoint_and_its_policy(run: Run) -> None:
+def test_a_run_counts_as_finished_only_with_last_checkpoint_and_policy(run: Run) -> None:
     last, earlier = (run.checkpoints / f"000000{iteration}.ckpt" for iteration in (16, 15))
-    for lose in (lambda: None, lambda: last.rename(earlier).write_text("15"), run.policy.unlink):
-        lose()
+    for remove in (lambda: None, lambda: last.rename(earlier).write_text("15"), run.policy.unlink):
+        remove()
         assert "is finished" not in resumed(run)
         assert run.policy.is_file()
         assert "is finished" in resumed(run)
@@ -100,7 +100,7 @@ def test_a_cache_that_others_may_write_is_not_used(run: Run, private_cache: Path
             path.unlink()
 
 
-def test_an_export_is_of_the_last_checkpoint_or_of_the_given_one(run: Run, tmp_path: Path) -> None:
+def test_export_takes_the_last_checkpoint_or_the_given_one(run: Run, tmp_path: Path) -> None:
     with pytest.raises(UserError):
         api.export_run(run.folder)
     run.checkpoints.mkdir()
@@ -108,17 +108,19 @@ def test_an_export_is_of_the_last_checkpoint_or_of_the_given_one(run: Run, tmp_p
         (run.checkpoints / f"{iteration:08d}.ckpt").write_text(str(iteration))
     assert api.export_run(run.folder) == (run.policy, 0.0)
     assert run.policy.is_file()
-    out, damaged = tmp_path / "other.onnx", tmp_path / "a.ckpt"
-    damaged.write_text("no number")
+    out, given = tmp_path / "other.onnx", tmp_path / "a.ckpt"
+    given.write_text("no number")
     with pytest.raises(ValueError, match="no number"):
-        api.export_run(run.folder, out, damaged)
+        api.export_run(run.folder, out, given)
     assert not out.exists()
-    damaged.write_text("5")
-    assert api.export_run(run.folder, out, damaged) == (out, 0.0)
+    given.write_text("5")
+    assert api.export_run(run.folder, out, given) == (out, 0.0)
     assert out.is_file()
 
 
-def test_several_processes_need_folder_and_trainer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_several_processes_need_out_and_a_parallel_trainer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(cluster, "processes", lambda: 2)
     with pytest.raises(UserError, match="--out"):
         api.begin(TrainRequest())
@@ -164,7 +166,7 @@ def test_a_class_without_a_trainers_methods_is_refused(tmp_path: Path) -> None:
         assert not (tmp_path / "run").exists()
 
 
-def test_modules_for_every_trainer_import_no_trainer() -> None:
+def test_modules_that_trainers_share_import_no_trainer() -> None:
     folder = Path(footfall.train.__file__).parent
     for path in folder.rglob("*.py"):
         if path.relative_to(folder).parts[0] in TRAINERS:

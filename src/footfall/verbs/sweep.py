@@ -28,7 +28,7 @@ def sweep(file: OptionalPath = None, /, *, out: OptionalPath = None, resume: Opt
     if (file is None) == (resume is None):
         raise UserError("give either a sweep's YAML file or --resume with its folder")
     if resume is not None and out is not None:
-        raise UserError("--resume uses the sweep's own folder: leave --out out")
+        raise UserError("--resume uses the sweep's own folder: omit --out")
     with learning_libraries():
         from footfall.train.sweeps.sweep import POINTS, RESULTS, resume_sweep
         from footfall.train.sweeps.sweep import sweep as run_sweep
