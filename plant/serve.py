@@ -9,8 +9,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NoReturn
 
 from footfall.common.errors import UserError
+from footfall.common.limits import MAX_DURATION_S
 from footfall.deploy.bus import Bus
 from footfall.deploy.clock import WallClock
 from footfall.deploy.frames import Frames
@@ -81,23 +83,42 @@ def serving(
         bus.close()
 
 
+class _Parser(argparse.ArgumentParser):
+    """Reports a bad option as one line, like other bad input."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f"{message} (see python -m footfall.plant.serve --help)")
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= MAX_DURATION_S:
+        raise argparse.ArgumentTypeError(
+            f"expected a number above 0, and at most {MAX_DURATION_S:g}, a day, found '{text}'"
+        )
+    return value
+
+
 def main() -> None:
     """Command line of the simulated robot."""
-    parser = argparse.ArgumentParser(description="A simulated robot on CAN interfaces.")
+    parser = _Parser(description="A simulated robot on CAN interfaces.")
     parser.add_argument("--robot", default=DEFAULT_ROBOT, help="name or folder of the robot")
     parser.add_argument("--bus", default=MULTICAST, help="kind of interface")
     parser.add_argument("--plant", type=Path, help="another MJCF than the robot's own")
-    parser.add_argument("--motor-timeout", type=float, help="seconds; default: robot.yaml's")
-    parser.add_argument("--duration", type=float, help="seconds until it ends by itself")
-    options = parser.parse_args()
+    parser.add_argument("--motor-timeout", type=_seconds, help="seconds; default: robot.yaml's")
+    parser.add_argument("--duration", type=_seconds, help="seconds until it ends by itself")
     try:
+        options = parser.parse_args()
         config = PlantConfig(options.plant, motor_timeout_s=options.motor_timeout)
         robot = load_robot(options.robot)
         with serving(robot, options.bus, config):
             print(f"{robot.name} is on {options.bus}", flush=True)
             threading.Event().wait(options.duration)
     except UserError as error:
-        print(error, file=sys.stderr)
+        print(f"footfall: {error}", file=sys.stderr)
         sys.exit(2)
     except KeyboardInterrupt:
         pass

@@ -50,13 +50,25 @@ def test_frames_that_arrive_during_a_stall_are_lost() -> None:
 def test_options_reach_the_simulated_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     serving = MagicMock()
     monkeypatch.setattr(module, "serving", serving)
-    options = "--robot hexapod --bus virtual --plant other.xml --motor-timeout 0.7 --duration 0.0"
+    options = "--robot hexapod --bus virtual --plant other.xml --motor-timeout 0.7 --duration 0.01"
     monkeypatch.setattr("sys.argv", ["serve", *options.split()])
     module.main()
     serving.return_value.__enter__.assert_called_once()
     robot, *settings = serving.call_args.args
     assert robot.name == "hexapod"
     assert settings == ["virtual", PlantConfig(Path("other.xml"), motor_timeout_s=0.7)]
+
+
+@pytest.mark.parametrize("options", ["--robot nope", "extra", "--duration -1", "--motor-timeout nan"])
+def test_bad_input_ends_in_one_line_as_on_the_command_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], options: str
+) -> None:
+    monkeypatch.setattr(module, "serving", MagicMock())
+    monkeypatch.setattr("sys.argv", ["serve", "--duration", "0.01", *options.split()])
+    with pytest.raises(SystemExit) as ended:
+        module.main()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert (ended.value.code, line.partition(": ")[0]) == (2, "footfall")
 
 
 def test_the_plant_has_its_settings_and_ends_with_it(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
