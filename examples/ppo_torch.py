@@ -1,7 +1,4 @@
-"""PPO in plain torch on the vector environment, a training loop of your own: `python ppo_torch.py 200`.
-
-Prints the mean return of the last 100 episodes, 200 times. Needs torch and the extra `gym`.
-"""
+"""PPO in plain torch on the vector environment: `python ppo_torch.py 200`. Needs torch and the extra gym."""
 
 import argparse
 
@@ -74,7 +71,10 @@ def train(iterations: int, num_envs: int = 256, num_steps: int = 24) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("iterations", type=int)
+    iterations = parser.parse_args().iterations
+    if iterations < 1:
+        parser.exit(2, f"{parser.prog}: expected at least 1 iteration, found {iterations}\n")
     torch.manual_seed(0)
-    train(parser.parse_args().iterations)
+    train(iterations)

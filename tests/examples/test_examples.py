@@ -5,6 +5,7 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from runpy import run_path
 from types import SimpleNamespace
 from typing import Any
 
@@ -171,6 +172,18 @@ def test_commands_and_replies_of_the_examples_motors_arrive_as_they_were_sent(ac
     assert np.all(np.abs(replies.values - measured) <= 0.51 * steps[[0, 1, 4]])
     np.testing.assert_array_equal(replies.error, error)
     np.testing.assert_array_equal(replies.temperature_c, 41.0)
+
+
+@pytest.mark.parametrize("iterations", ["0", "-3"])
+def test_ppo_in_torch_refuses_too_few_iterations(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], iterations: str
+) -> None:
+    pytest.importorskip("torch")
+    monkeypatch.setattr("sys.argv", ["ppo_torch.py", iterations])
+    with pytest.raises(SystemExit, match="2"):
+        run_path(str(EXAMPLES / "ppo_torch.py"), run_name="__main__")
+    (line,) = capsys.readouterr().err.splitlines()
+    assert iterations in line
 
 
 @long_test
