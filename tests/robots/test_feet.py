@@ -1,17 +1,19 @@
-"""Geoms that are feet, also in another maker's model, and soles that stand on their corners."""
+"""Geoms that are feet, also in another maker's model, their spheres, and soles that stand on their corners."""
 
 from collections.abc import Callable
+from itertools import product
 
 import jax.numpy as jnp
 import mujoco
 import numpy as np
 from made_up import SOLES
 from posed import posed
+from scipy.spatial.transform import Rotation
 
 from footfall import JointCommand, Robot, load_robot
 from footfall.envs.feet import Feet
 from footfall.robots.actuator import joint_torque
-from footfall.robots.feet import find_feet, foot_geoms
+from footfall.robots.feet import find_feet, foot_geoms, foot_spheres
 from footfall.robots.mjcf import load_spec
 from footfall.robots.model import joint_addresses, plant_model, training_model
 
@@ -108,3 +110,40 @@ def test_a_tilted_sole_touches_with_its_lowest_corner() -> None:
     before[1, :2] += (0.003, -0.004)  # one corner slides 5 mm
     before[6, 2] += 0.5  # one only rises
     np.testing.assert_allclose(feet.speed(jnp.asarray([before, before, points])), [1.0, 0.0], atol=1e-4)
+
+
+def test_spheres_of_spheres_capsules_and_boxes() -> None:
+    """Spheres are at both ends of a tilted capsule and at the corners of a turned box, by scipy."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><body><freejoint/>
+        <geom type="sphere" size="0.02" pos="0.1 0 0" mass="1"/>
+        <geom type="capsule" size="0.01" fromto="-0.01 -0.05 0.18 0.03 0.05 0.22"/>
+        <geom type="box" size="0.03 0.02 0.01" euler="20 0 50"/>
+        </body></worldbody></mujoco>"""
+    )
+    tip = np.array([0.1, 0.0, 0.0])
+    sphere, ends, corners = (foot_spheres(model, np.array([geom]), tip) for geom in range(3))
+    np.testing.assert_allclose(sphere.centre, [[0.0, 0.0, 0.0]])
+    assert sphere.radius.tolist() == [0.02]
+    np.testing.assert_allclose(sorted(ends.centre.tolist()), [[-0.11, -0.05, 0.18], [-0.07, 0.05, 0.22]])
+    assert ends.radius.tolist() == [0.01, 0.01]
+    turn = Rotation.from_euler("XYZ", [20, 0, 50], degrees=True)
+    edges = turn.apply(list(product((-0.03, 0.03), (-0.02, 0.02), (-0.01, 0.01)))) - tip
+    np.testing.assert_allclose(sorted(corners.centre.tolist()), sorted(edges.tolist()), atol=1e-12)
+    assert not corners.radius.any()
+    together = foot_spheres(model, np.arange(3), tip)
+    assert together.radius.tolist() == [0.02, 0.01, 0.01, *[0.0] * 8]
+
+
+def test_spheres_of_a_mesh_are_corners_of_its_box() -> None:
+    """The box has the axes of the mesh's inertia and is the smallest that holds all vertices."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><asset><mesh name="wedge" vertex="0.1 0 0  0.4 0 0  0.1 0.2 0  0.1 0 0.3"/></asset>
+        <worldbody><body><freejoint/><geom type="mesh" mesh="wedge" pos="1 2 3" euler="20 0 50"/>
+        </body></worldbody></mujoco>"""
+    )
+    turn = Rotation.from_quat(model.geom_quat[0], scalar_first=True)
+    corners = foot_spheres(model, np.array([0]), np.zeros(3)).centre - model.geom_pos[0]
+    across = turn.inv().apply(corners)
+    np.testing.assert_allclose(across.min(axis=0), model.mesh_vert.min(axis=0), atol=1e-7)
+    np.testing.assert_allclose(across.max(axis=0), model.mesh_vert.max(axis=0), atol=1e-7)
