@@ -26,7 +26,7 @@ import numpy as np
 from relaxed_limits import RELAXED
 from socket_pairs import Ends, in_place_of_interfaces, socket_pairs
 
-from footfall.deploy.clock import WallClock, undisturbed
+from footfall.deploy.clock import WallClock, realtime_thread
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.session import Display, Session, SessionResult, run_on_interface
@@ -126,7 +126,7 @@ def with_longest(values: np.ndarray) -> dict[str, float]:
 def empty_loop(period_us: int, priority: int | None, pipe: Connection) -> None:
     """An empty loop: reports that it runs, stops on a message, then sends its lateness, us."""
     clock, lateness = WallClock(period_us), Durations()
-    with undisturbed(priority):
+    with realtime_thread(priority):
         pipe.send("running")
         while not pipe.poll():
             clock.next_tick()
@@ -143,7 +143,7 @@ def simulate(folder: str, config: DeployConfig, ends: Ends, pipe: Connection) ->
     priority = None if config.realtime_priority is None else 1
     plant = PlantConfig(motor_timeout_s=config.motor_timeout_s)
     with (
-        undisturbed(priority),  # inherited by the robot's thread
+        realtime_thread(priority),  # inherited by the robot's thread
         in_place_of_interfaces(ends),
         serving(load_robot(folder), SOCKETCAN, plant),
     ):

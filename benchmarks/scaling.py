@@ -31,7 +31,7 @@ def main() -> None:
     parser.add_argument("--robot", default="go1")
     parser.add_argument("--preset", default="gpu")
     parser.add_argument("--devices", default="1,2,4")
-    parser.add_argument("--iterations", type=int, default=20, help="between two waits for the devices")
+    parser.add_argument("--iterations", type=int, default=20, help="PPO iterations of each measurement")
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 
-def end_by_input(process: "subprocess.Popen[Any]", timeout_s: float) -> None:
+def end_by_closing_input(process: "subprocess.Popen[Any]", timeout_s: float) -> None:
     """Close a child's standard input, upon which it exits, and wait; kill it after `timeout_s`."""
     assert process.stdin is not None
     assert process.stdout is not None

@@ -1,4 +1,4 @@
-"""YAML for settings: PyYAML's safe loader, with content refused that is easily misread."""
+"""YAML for settings: PyYAML's safe loader, which here refuses content that is easily misread."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ def parse_yaml(text: str) -> Any:
 class _Checks(Composer):
     """Checks each mapping and list as soon as it is complete."""
 
-    _sizes: dict[int, int]  # number of nodes in a node, aliases written out, by identity
+    _sizes: dict[int, int]  # by id() of a node: number of nodes in it, with aliases expanded
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         node = super().compose_mapping_node(anchor)

@@ -88,7 +88,7 @@ class WallClock:
 
 
 @contextmanager
-def undisturbed(priority: int | None) -> Iterator[list[str]]:
+def realtime_thread(priority: int | None) -> Iterator[list[str]]:
     """Run this thread without garbage collection and, if permitted, with a real-time priority.
 
     Other threads of the process yield to it within 0.1 ms instead of Python's 5 ms. The kernel wakes it up on

@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from footfall.common.in_time import call_in_time
+from footfall.common.blocking_threads import call_with_timeout
 
 EXIT_TIMEOUT_S = 1.0  # time for the loop's thread to end the process itself, after the motors are disabled
 FRAME_INTERVAL_S = 0.01  # between two frames
@@ -88,4 +88,4 @@ def _try(act: Callable[[], None]) -> None:
 
 def _say(line: str) -> None:
     """Print a line, unless the terminal is blocked, which must not delay commands to the motors."""
-    call_in_time(lambda: print(line, file=sys.stderr, flush=True), PRINT_TIMEOUT_S)
+    call_with_timeout(lambda: print(line, file=sys.stderr, flush=True), PRINT_TIMEOUT_S)

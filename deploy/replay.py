@@ -33,7 +33,7 @@ class Replay:
     complete: bool  # whether the run ended properly
     damaged: int  # parts of the log that could not be read
     worst_difference: float  # largest absolute difference of any number; inf if one is NaN
-    first_difference: str  # text on the first difference; empty if all numbers are equal
+    first_difference: str  # text on the first difference beyond the tolerance; empty if there is none
 
 
 def replay(
@@ -54,10 +54,10 @@ def replay(
 
     Raises:
         UserError: the log cannot be read, has no policy steps, or is from another robot; or the tolerance is
-            not a number from 0.
+            negative or not finite.
     """
     if not 0.0 <= tolerance < math.inf:
-        raise UserError(f"tolerance is {tolerance:g}: it must be a number from 0")
+        raise UserError(f"tolerance is {tolerance:g}: it must be finite and not negative")
     log = read_log(path, (INPUTS, DECISIONS, CHANGES))
     joints = log.joints
     policies = Handover((policy, *others), _config(log), get_up)
@@ -93,7 +93,7 @@ def replay(
                 f" is {replayed[difference.argmax()]:.9g}"
             )
     if not steps:
-        raise UserError(f"{path} has no policy steps: the run ended before it walked")
+        raise UserError(f"{path} has no policy steps: the run ended before the robot walked")
     return Replay(steps, log.complete, log.damaged, worst, first)
 
 
@@ -130,7 +130,7 @@ def _inputs(log: LogFile, inputs_entry: Entry, scan_points: int) -> PolicyInput:
 
 
 def _numbers(log: LogFile, entry: Entry) -> np.ndarray:
-    """Numbers of a message; raises UserError if it has none, because a log may have anything as its type."""
+    """Numbers of a message; raises UserError if it has none, because a log may declare any type."""
     try:
         return np.array(entry.message.data, dtype=float).reshape(-1)
     except (AttributeError, TypeError, ValueError):

@@ -19,7 +19,6 @@ from footfall.deploy.clock import Clock, LockstepClock, WallClock
 from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction, source_of
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.deadline import Arm, deadlines, unarmed
-from footfall.deploy.drive import EachTick, drive, guarded, realtime_settings
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.fit import check_contract, check_get_up, check_joint_rate
 from footfall.deploy.handover import Handover
@@ -31,6 +30,7 @@ from footfall.deploy.policy_runner import PolicyRunner
 from footfall.deploy.process_end import ending_on_signals, exit_raises
 from footfall.deploy.recovery import GetUp, Recovered, Recovery
 from footfall.deploy.replay import GET_UP, HANDOVER, OTHERS
+from footfall.deploy.run_loop import EachTick, guarded, realtime_settings, run_loop
 from footfall.deploy.steering import Steering
 from footfall.deploy.stop_inputs.open import filters_of, stop_inputs
 from footfall.deploy.warm_up import warm_up
@@ -169,7 +169,7 @@ def run_session(
             try:
                 with guarded(loop, taken_over, session.realtime, config.safety):
                     _begin(log, clock.start(), refused)
-                    drive(loop, session.duration_s, config.damping_ticks, each_tick)
+                    run_loop(loop, session.duration_s, config.damping_ticks, each_tick)
             finally:
                 loop.shut_down()
         wall_s = time.perf_counter() - started

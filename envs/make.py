@@ -34,8 +34,8 @@ def make_environment(robot: Robot, config: EnvConfig) -> Environment:
     return env
 
 
-def made_from(robot: Robot, config: EnvConfig) -> tuple[Any, ...]:
-    """Everything that a compiled program depends on, except footfall's source, libraries and devices.
+def program_key(robot: Robot, config: EnvConfig) -> tuple[Any, ...]:
+    """Cache key of compiled programs: all that they depend on, except footfall's source, libraries, devices.
 
     Two environments with an equal result have the same programs (envs/workarounds/program_cache.py).
 

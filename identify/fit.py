@@ -54,7 +54,7 @@ class Track(NamedTuple):
     """Motion in W windows of R readings, each with its best start, (W, R, n)."""
 
     time_s: np.ndarray  # since the start of the window
-    read_rad: np.ndarray
+    measured_rad: np.ndarray
     fitted_rad: np.ndarray
     nominal_rad: np.ndarray
 
@@ -76,12 +76,12 @@ class LegFit:
     @property
     def held_out_rad(self) -> np.ndarray:
         """Rms error of the fitted leg's positions over the held-out windows, (n,)."""
-        return _rms(self.held_out.fitted_rad - self.held_out.read_rad)
+        return _rms(self.held_out.fitted_rad - self.held_out.measured_rad)
 
     @property
     def nominal_rad(self) -> np.ndarray:
         """Rms error of the nominal leg's positions over the held-out windows, (n,)."""
-        return _rms(self.held_out.nominal_rad - self.held_out.read_rad)
+        return _rms(self.held_out.nominal_rad - self.held_out.measured_rad)
 
     @property
     def misfit(self) -> np.ndarray:

@@ -58,21 +58,17 @@ def abilities_of(policies: Mapping[str, Policy], robot: Robot) -> Callable[[str]
 
 def limits_of(spec: str, policy: Policy, robot: Robot) -> Limits:
     """Commands that are within the ranges of both the robot and the policy's training."""
-    own = robot.description.commands
+    robot_ranges = robot.description.commands
     if (contract := policy.contract) is not None:
-        return Limits(_intersection(own, contract.commands), COMMAND_MARGIN * contract.standing_command)
+        ranges = _intersection(robot_ranges, contract.commands)
+        return Limits(ranges, COMMAND_MARGIN * contract.standing_command)
     name, _ = split_spec(spec)
     if name in CONTROLLERS and not CONTROLLERS[name].walks:
         return Limits(ZERO_RANGES)
     shaping: Any = getattr(load_settings(spec, robot), "command", None)
-    return Limits(own, COMMAND_MARGIN * getattr(shaping, "standing_command", 0.0))
+    return Limits(robot_ranges, COMMAND_MARGIN * getattr(shaping, "standing_command", 0.0))
 
 
-def _intersection(own: CommandRange, trained: CommandRange) -> CommandRange:
-    pairs = zip(vars(own).values(), vars(trained).values(), strict=True)
-    return CommandRange(
-        *(
-            (max(low, trained_low), min(high, trained_high))
-            for (low, high), (trained_low, trained_high) in pairs
-        )
-    )
+def _intersection(first: CommandRange, second: CommandRange) -> CommandRange:
+    axes = zip(vars(first).values(), vars(second).values(), strict=True)
+    return CommandRange(*((max(a[0], b[0]), min(a[1], b[1])) for a, b in axes))

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
-from footfall.common.child_process import end_by_input
+from footfall.common.child_process import end_by_closing_input
 from footfall.common.errors import UserError
 from footfall.common.installation import extras_command
 
@@ -45,4 +45,4 @@ def foxglove_served(feed: Path, host: str, port: int = PORT) -> Iterator[str]:
             )
         yield f"ws://{host}:{port}"
     finally:
-        end_by_input(process, EXIT_TIMEOUT_S)
+        end_by_closing_input(process, EXIT_TIMEOUT_S)

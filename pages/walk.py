@@ -1,4 +1,4 @@
-"""Runs a run's newest policy on the simulated robot, in real time, for a page."""
+"""Walks the simulated robot under the newest policy of a training, in real time, for a page."""
 
 import time
 from contextlib import ExitStack
@@ -199,9 +199,8 @@ class Walk:
         self._panel.draw(self._metrics, status.finished)
         self._panel.offer_policies(self._snapshots.names())
         self._snapshots.chosen = self._panel.policy
-        if (
-            self._policy is None or self._panel.visited
-        ):  # without a visitor, an export only slows the training
+        # Without a visitor, an export would only slow the training.
+        if self._policy is None or self._panel.visited:
             snapshot = self._snapshots.poll()
             if snapshot is not None:
                 self._take_over(snapshot)

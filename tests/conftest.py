@@ -180,10 +180,10 @@ def kept_programs() -> Iterator[None]:
 
     kept: dict[str, Future[Any]] = {}
 
-    def load_or_compile(lower: Callable[[], Any], beside: Executor, _: Any, *made_from: Any) -> Future[Any]:
-        name = fingerprint(made_from)
+    def load_or_compile(lower: Callable[[], Any], executor: Executor, _: Any, *key: Any) -> Future[Any]:
+        name = fingerprint(key)
         if name not in kept:
-            kept[name] = beside.submit(lower().compile)
+            kept[name] = executor.submit(lower().compile)
         return kept[name]
 
     with pytest.MonkeyPatch.context() as patch:

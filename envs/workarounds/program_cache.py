@@ -56,16 +56,16 @@ _loading: dict[str, Future[_Found]] = {}  # programs that are being loaded, by f
 
 
 def prefetch(*programs: tuple[Any, ...]) -> None:
-    """Start loading programs in the background; each is given by all that it is made from."""
-    by_name = {fingerprint(made_from): made_from for made_from in programs}
-    missing = {name: made_from for name, made_from in by_name.items() if name not in _loading}
+    """Start loading programs in the background; each is given by its key."""
+    by_name = {fingerprint(key): key for key in programs}
+    missing = {name: key for name, key in by_name.items() if name not in _loading}
     if not missing:
         return
     # Read here: a background thread would wait for Python's lock after each of hundreds of files.
     source, installed = _source(), _installed()
     executor = ThreadPoolExecutor(len(missing))
-    for name, made_from in missing.items():
-        _loading[name] = executor.submit(_look_up, made_from, source, installed)
+    for name, key in missing.items():
+        _loading[name] = executor.submit(_look_up, key, source, installed)
     executor.shutdown(wait=False)
 
 
@@ -73,7 +73,7 @@ def load_or_compile(
     lower: Callable[[], jax.stages.Lowered],
     executor: Executor,
     report: Callable[[str], None],
-    *made_from: Any,
+    *key: Any,
 ) -> Future[jax.stages.Compiled]:
     """The program from the cache, or compiled now.
 
@@ -85,11 +85,11 @@ def load_or_compile(
         lower: traces the program, in this thread: `fewer_kernels` replaces functions for every thread.
         executor: compiles the program.
         report: shows one line if other users may have written the file.
-        made_from: all that the program depends on besides source, libraries, device and JAX's settings;
+        key: all that the program depends on besides source, libraries, device and JAX's settings;
             compared by `repr`, or as bytes.
     """
-    loading = _loading.pop(fingerprint(made_from), None)
-    found = loading.result() if loading else _look_up(made_from, _source(), _installed())
+    loading = _loading.pop(fingerprint(key), None)
+    found = loading.result() if loading else _look_up(key, _source(), _installed())
     if found.refusal:
         report(f"{found.refusal}: its compiled programs are not used, compiling again")
     if found.program is None:
@@ -160,11 +160,11 @@ def _device_libraries() -> list[str]:
     return sorted(path.name for folder in folders for pattern in patterns for path in folder.glob(pattern))
 
 
-def _look_up(made_from: tuple[Any, ...], source: list[tuple[Path, bytes]] | None, installed: Any) -> _Found:
+def _look_up(key: tuple[Any, ...], source: list[tuple[Path, bytes]] | None, installed: Any) -> _Found:
     folder = jax.config.values["jax_compilation_cache_dir"]
     if folder is None or source is None:
         return _Found(None)
-    path = Path(folder) / "programs" / fingerprint([*source, *_surroundings(installed), *made_from])
+    path = Path(folder) / "programs" / fingerprint([*source, *_surroundings(installed), *key])
     try:
         program, compiled_kernels, *values = pickle.loads(read_private(path))
         kernels.adopt(compiled_kernels)

@@ -11,7 +11,8 @@ from footfall.evaluate.provenance import machine
 from footfall.evaluate.report.sheet import rendered
 from footfall.evaluate.report.svg import INK, Panel, Plot, line
 
-MAX_WINDOWS = 4  # worst windows of each joint's motion
+MAX_WINDOWS = 4  # number of windows shown for each joint: those with the largest errors
+SPACING_S = 1.1  # between the starts of two shown windows, which last 1 s
 FITTED, NOMINAL = 0, 1  # indices of their line styles
 
 
@@ -34,7 +35,7 @@ class JointTrack:
 
     name: str
     time_s: np.ndarray  # (W, R) from each window's start
-    read_rad: np.ndarray  # (W, R)
+    measured_rad: np.ndarray  # (W, R)
     fitted_rad: np.ndarray  # (W, R)
     nominal_rad: np.ndarray  # (W, R)
     noise_rad: float  # of the readings
@@ -51,7 +52,7 @@ class LegPart:
     estimates: Sequence[EstimateRow]
     undetermined: Sequence[tuple[str, str]]  # undetermined parameter, and what it is correlated with
     joints: Sequence[JointTrack]
-    effects: Sequence[tuple[str, float]] = ()  # added effect and residual over noise, if misfit
+    effects: Sequence[tuple[str, float]] = ()  # after a misfit: added effect, residual over noise
     profile: tuple[np.ndarray, np.ndarray] | None = None  # shifts of the delay, s; residual over noise
 
 
@@ -80,7 +81,7 @@ def plots(leg: LegPart) -> list[Plot]:
 
 
 def _intervals(leg: LegPart) -> Plot:
-    """Estimates with intervals, in units of the interval's distance from nominal, a panel per quantity."""
+    """Estimates with their intervals and the nominal value, one panel per quantity."""
     panels = []
     for quantity in dict.fromkeys(row.quantity for row in leg.estimates):
         rows = [row for row in leg.estimates if row.quantity == quantity]
@@ -101,18 +102,18 @@ def _motion(leg: LegPart) -> Plot:
     """The worst held-out windows of each joint."""
     panels = []
     for joint in leg.joints:
-        error = ((joint.fitted_rad - joint.read_rad) ** 2).mean(axis=1)
+        error = ((joint.fitted_rad - joint.measured_rad) ** 2).mean(axis=1)
         worst = np.sort(np.argsort(-error, kind="stable")[:MAX_WINDOWS])
         with Panel(f"motion-{joint.name}") as panel:
             for place, window in enumerate(worst):
-                time_s = joint.time_s[window] + 1.1 * place
-                panel.axes.plot(time_s, joint.read_rad[window], color=INK, lw=2.4, alpha=0.35)
+                time_s = joint.time_s[window] + SPACING_S * place
+                panel.axes.plot(time_s, joint.measured_rad[window], color=INK, lw=2.4, alpha=0.35)
                 panel.axes.plot(time_s, joint.nominal_rad[window], **line(NOMINAL))
                 panel.axes.plot(time_s, joint.fitted_rad[window], **line(FITTED))
             panel.axes.set(title=joint.name, xlabel="time, s", ylabel="rad")
-            panels.append(panel.svg(f"Held-out motion of {joint.name}: read, fitted and nominal"))
+            panels.append(panel.svg(f"Held-out motion of {joint.name}: measured, fitted and nominal"))
     caption = (
-        f"The {MAX_WINDOWS} held-out windows with the largest errors, side by side. Grey: read."
+        f"The {MAX_WINDOWS} held-out windows with the largest errors, side by side. Grey: measured."
         " Blue: fitted leg. Orange: nominal leg. Each window starts from its best-fitting position and speed."
     )
     return Plot("Held-out motion", caption, panels)
@@ -124,7 +125,7 @@ def _residuals(leg: LegPart) -> Plot:
     for joint in leg.joints:
         with Panel(f"residual-{joint.name}", height=190.0) as panel:
             for style, predicted in ((NOMINAL, joint.nominal_rad), (FITTED, joint.fitted_rad)):
-                error = 1e3 * np.sqrt(((predicted - joint.read_rad) ** 2).mean(axis=1))
+                error = 1e3 * np.sqrt(((predicted - joint.measured_rad) ** 2).mean(axis=1))
                 panel.axes.plot(np.arange(len(error)), error, marker=".", **line(style))
             panel.axes.axhline(1e3 * joint.noise_rad, color=INK, lw=0.8, dashes=(4, 3))
             panel.axes.set(title=joint.name, xlabel="window", ylabel="rms error, mrad", yscale="log")

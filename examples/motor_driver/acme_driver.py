@@ -23,10 +23,10 @@ ENABLE, DISABLE, ZERO, CLEAR = 1, 2, 3, 4
 ERRORS = {1: "over-current", 2: "over-temperature", 3: "a communication time-out"}
 # Unit per count: rad, rad/s, N m/rad, N m s/rad, N m.
 UNITS = {"position": 5e-4, "velocity": 2e-3, "kp": 1.0, "kd": 0.02, "torque": 2e-3}
-COMMANDED = np.dtype("<i2, <i2, <i2, u1, u1")
-COMMANDED.names = ("position", "velocity", "torque", "kp", "kd")
-MEASURED = np.dtype("<i2, <i2, <i2, u1, i1")
-MEASURED.names = ("position", "velocity", "torque", "error", "celsius")
+COMMAND_FIELDS = np.dtype("<i2, <i2, <i2, u1, u1")
+COMMAND_FIELDS.names = ("position", "velocity", "torque", "kp", "kd")
+REPLY_FIELDS = np.dtype("<i2, <i2, <i2, u1, i1")
+REPLY_FIELDS.names = ("position", "velocity", "torque", "error", "celsius")
 
 
 class AcmeDriver(PolledDriver):
@@ -44,8 +44,8 @@ class AcmeDriver(PolledDriver):
         batches = [to_every_motor(wiring, data) for data in content]
         super().__init__(wiring, Orders(*(frames._replace(id=ORDER + frames.id) for frames in batches)))
         unit = np.array([[unit] * n for unit in UNITS.values()])  # (5, n), the rows of a command
-        self.lowest = unit * [[np.iinfo(COMMANDED[name]).min] for name in UNITS]
-        self.highest = unit * [[np.iinfo(COMMANDED[name]).max] for name in UNITS]
+        self.lowest = unit * [[np.iinfo(COMMAND_FIELDS[name]).min] for name in UNITS]
+        self.highest = unit * [[np.iinfo(COMMAND_FIELDS[name]).max] for name in UNITS]
         self.gain_rounding = 0.5 * unit[2:4]
 
     @staticmethod
@@ -55,7 +55,7 @@ class AcmeDriver(PolledDriver):
     def command(self, values: np.ndarray) -> Frames:
         if not np.isfinite(values).all():
             raise ValueError("a command is not finite")
-        content = np.zeros(values.shape[1], COMMANDED)
+        content = np.zeros(values.shape[1], COMMAND_FIELDS)
         for (name, unit), row in zip(UNITS.items(), np.clip(values, self.lowest, self.highest), strict=True):
             content[name] = np.rint(row / unit)
         frames = to_every_motor(self._wiring, content.view(np.uint8).reshape(-1, 8))
@@ -65,7 +65,7 @@ class AcmeDriver(PolledDriver):
         motor = self._lookup[frames.channel, frames.id & 0x7F]
         usable = (frames.id & ~0x7F == REPLY) & (frames.length == 8) & (motor >= 0)
         frames, motor = frames.take(usable), motor[usable]
-        content = np.ascontiguousarray(frames.data).view(MEASURED).ravel()
+        content = np.ascontiguousarray(frames.data).view(REPLY_FIELDS).ravel()
         values = np.array([content[name] * UNITS[name] for name in ("position", "velocity", "torque")])
         celsius, no_voltage = content["celsius"].astype(float), np.full(len(motor), np.nan)
         return Replies(motor, values, content["error"], celsius, no_voltage, frames.time_us)

@@ -5,7 +5,18 @@ receive and encodes their replies.
 """
 
 import numpy as np
-from acme_driver import CLEAR, COMMAND, COMMANDED, DISABLE, ENABLE, MEASURED, ORDER, REPLY, UNITS, ZERO
+from acme_driver import (
+    CLEAR,
+    COMMAND,
+    COMMAND_FIELDS,
+    DISABLE,
+    ENABLE,
+    ORDER,
+    REPLY,
+    REPLY_FIELDS,
+    UNITS,
+    ZERO,
+)
 
 from footfall.deploy.drivers.driver import CanFilter, Motors
 from footfall.deploy.drivers.polled import motor_lookup
@@ -32,7 +43,7 @@ class AcmeMotorEnd(PolledMotorEnd):
         usable = np.isin(frames.id & ~0x7F, (COMMAND, ORDER)) & (frames.length == 8)
         motor = np.where(usable, self._lookup[frames.channel, frames.id & 0x7F], -1)
         frames, motor = frames.take(motor >= 0), motor[motor >= 0]
-        content = np.ascontiguousarray(frames.data).view(COMMANDED).ravel()
+        content = np.ascontiguousarray(frames.data).view(COMMAND_FIELDS).ravel()
         values = np.array([content[name] * UNITS[name] for name in UNITS])
         kinds = np.array(
             [ORDERS.get(first_byte, Request.COMMAND) for first_byte in frames.data[:, 0].tolist()], int
@@ -40,9 +51,9 @@ class AcmeMotorEnd(PolledMotorEnd):
         return Requests(motor, values, np.where(frames.id & ~0x7F == ORDER, kinds, Request.COMMAND))
 
     def reply(self, motor: Motors, report: Report) -> Frames:
-        content = np.zeros(report.values.shape[1], MEASURED)
+        content = np.zeros(report.values.shape[1], REPLY_FIELDS)
         for name, row in zip(("position", "velocity", "torque"), report.values, strict=True):
-            limits = np.iinfo(MEASURED[name])
+            limits = np.iinfo(REPLY_FIELDS[name])
             content[name] = np.clip(np.rint(row / UNITS[name]), limits.min, limits.max)
         content["error"], content["celsius"] = report.error, report.temperature_c
         motor_id, channel = self._wiring.motor_id[motor], self._wiring.channel[motor]

@@ -41,7 +41,7 @@ class Progress(NamedTuple):
 class MissionSource:
     """Carries out a mission. It depends only on the statuses passed to it."""
 
-    stopped = None
+    stopped = None  # a mission never requests a stop: it ends with lying down
 
     def __init__(self, mission: Mission, policy: str, abilities: Callable[[str], Abilities]) -> None:
         """Check the mission; it has not started.
@@ -56,7 +56,7 @@ class MissionSource:
         """
         self._mission, self._abilities, self._steps = mission, abilities, mission.steps
         durations_s = mission.planned_s(policy, abilities)
-        self._after_step_s = [sum(durations_s[number:]) for number in range(1, len(durations_s) + 1)]
+        self._later_steps_s = [sum(durations_s[number:]) for number in range(1, len(durations_s) + 1)]
         self._index = -1
         self._plan: Plan | None = None
         self._origin: Pose | None = None
@@ -101,11 +101,12 @@ class MissionSource:
     def _replace_steps(self, steps: tuple[NamedStep, ...]) -> None:
         """Replace the remaining steps."""
         self._steps, self._index, self._plan = steps, -1, None
-        self._after_step_s = [0.0] * len(steps)
+        self._later_steps_s = [0.0] * len(steps)
 
     def _begin(self, index: int, status: Status, pose: Pose) -> None:
+        self._index = index
         step, limits = self._steps[index].step, self._abilities(status.policy).limits
-        self._index, self._plan = index, step.plan(pose, self._mission.scene(limits))
+        self._plan = step.plan(pose, self._mission.scene(limits))
         if isinstance(step, OdometryStep) or self._plan.end != pose:
             self.goal = self._plan.end
         self._began_s = self._progress_s = status.walking_s
@@ -126,7 +127,7 @@ class MissionSource:
             len(self._steps),
             self._steps[self._index].kind,
             output.remaining_s,
-            output.remaining_s + self._after_step_s[self._index],
+            output.remaining_s + self._later_steps_s[self._index],
             self.progress.error_m if math.isnan(output.error_m) else output.error_m,
         )
 
@@ -148,8 +149,10 @@ class MissionSource:
         """End the mission: the robot lies down."""
         note = self._request.note
         if outcome != DONE:
-            kind = f" ({self._steps[self._index].kind})" if self._index >= 0 else ""
-            outcome = f"gave up at step {self._index + 1}{kind}: {outcome}"
+            place = "before the first step"
+            if self._index >= 0:
+                place = f"at step {self._index + 1} ({self._steps[self._index].kind})"
+            outcome = f"gave up {place}: {outcome}"
             note = f"the mission {outcome}"
         self.progress = self.progress._replace(outcome=outcome, step_remaining_s=0.0, remaining_s=0.0)
         self._request = self._request._replace(velocity=ZERO_COMMAND, behaviour=Behaviour.LIE_DOWN, note=note)

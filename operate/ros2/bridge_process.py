@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Literal
 
 import footfall
-from footfall.common.child_process import end_by_input
+from footfall.common.child_process import end_by_closing_input
 from footfall.common.config import require_between
 from footfall.common.errors import UserError
 from footfall.common.installation import extras_command
@@ -150,7 +150,7 @@ def _running(
         errors = resources.enter_context((folder / "errors").open("w+b"))
         pipe, environment = subprocess.PIPE, {**_environment(folder), **secrets}
         process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=errors, env=environment)
-        resources.callback(end_by_input, process, END_S)
+        resources.callback(end_by_closing_input, process, END_S)
         assert process.stdout is not None
         start_timer = threading.Timer(START_S, process.kill)
         start_timer.start()

@@ -36,15 +36,15 @@ def _start_device(arguments: list[str]) -> None:
 
 def _leave_at_once_if_blocked(status: int) -> None:
     """Exit without flushing if an output is blocked (Ctrl-S): Python would wait for it, or abort."""
-    from footfall.common.in_time import any_blocked
+    from footfall.common.blocking_threads import any_call_blocked
 
-    if any_blocked():
+    if any_call_blocked():
         os._exit(status)
 
 
 def _leave_at_once_if_compiling(status: int) -> None:
-    """After Ctrl-C or SIGTERM, exit without the result of a compiler, for which Python would wait."""
-    from footfall.common.in_time import any_compiling
+    """After Ctrl-C or SIGTERM, exit without waiting for a compiler, as Python would."""
+    from footfall.common.blocking_threads import any_compiling
 
     if status in (INTERRUPTED, TERMINATED) and any_compiling():
         with suppress(OSError):

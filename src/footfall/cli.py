@@ -13,8 +13,8 @@ from itertools import takewhile
 
 from cyclopts import App, CycloptsError, UnknownOptionError, UnusedCliTokensError
 
+from footfall.common.blocking_threads import any_call_blocked
 from footfall.common.errors import UserError
-from footfall.common.in_time import any_blocked
 from footfall.exit_status import BAD_INPUT, BROKEN_PIPE, INTERRUPTED, TERMINATED
 from footfall.output import discard_output
 
@@ -52,7 +52,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
             _import_verbs()  # the help describes all of them
         with _interrupted_by_sigterm():
             status = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
-            if not any_blocked():
+            if not any_call_blocked():
                 sys.stdout.flush()
     except CycloptsError as error:
         return _print_error(f"{_parse_error(error, arguments)} {_help_hint(arguments)}")

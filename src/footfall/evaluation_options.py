@@ -1,4 +1,4 @@
-"""Options and exit status of evaluate and compare."""
+"""Options of evaluate and compare, and their report of failures."""
 
 import sys
 from collections.abc import Sequence
@@ -62,7 +62,7 @@ class EvaluationOptions:
 
 
 DEFAULT_OPTIONS = EvaluationOptions()
-NOT_MET = 1  # an episode failed, or a requirement is not met
+FAILED = 1  # exit status: an episode failed, or a requirement is not met
 
 
 def evaluation_config(options: EvaluationOptions) -> EvaluationConfig:
@@ -89,10 +89,13 @@ def requirements_of(options: EvaluationOptions) -> "list[Requirement]":
     return parse_requirements(options.require, parse_scenarios(options.scenarios).scenarios, options.metrics)
 
 
-def exit_status(
+def report_failures(
     results: "Results", requirements: "Sequence[Requirement]" = (), junit: Path | None = None
 ) -> int:
-    """Print failures on stderr; returns 0, or 1 if an episode failed or a requirement is not met.
+    """Print failures on stderr, and write the JUnit file.
+
+    Returns:
+        The exit status: 0, or `FAILED` if an episode failed or a requirement is not met.
 
     Args:
         results: results by policy, as from `footfall.evaluate.api.evaluate_policy`.
@@ -110,4 +113,4 @@ def exit_status(
     lines = [failures(summaries), *(outcome.line for outcome in outcomes if not outcome.met)]
     for line in filter(None, lines):
         print(f"footfall: {line}", file=sys.stderr)
-    return NOT_MET if any(lines) else 0
+    return FAILED if any(lines) else 0

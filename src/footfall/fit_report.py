@@ -43,7 +43,7 @@ def _part(fit: LegFit) -> "LegPart":
         JointTrack(
             name,
             track.time_s[:, :, index],
-            track.read_rad[:, :, index],
+            track.measured_rad[:, :, index],
             track.fitted_rad[:, :, index],
             track.nominal_rad[:, :, index],
             float(fit.noise_rad[index]),

@@ -17,9 +17,9 @@ from footfall.common.rotations import tilt
 from footfall.deploy.loop import ControlLoop
 from footfall.service_manager import notifying_service_manager
 
-UPDATES_PER_S = 5  # updates per second on a terminal
-LINE_INTERVAL_S = 5.0  # interval of lines on any other output
-OUTPUT_TIMEOUT_S = 1.0  # timeout of a blocked output
+UPDATES_PER_S = 5  # on a terminal
+LINE_INTERVAL_S = 5.0  # on any other output
+OUTPUT_TIMEOUT_S = 1.0  # for an output that is blocked
 
 
 @contextmanager
@@ -28,7 +28,7 @@ def live_state(
     velocity: Callable[[], np.ndarray],
     duration_s: float,
     console: Console | None = None,
-    line: Callable[[], str] = str,
+    steering: Callable[[], str] = lambda: "",
 ) -> Iterator[None]:
     """Show a loop's state while the context is open: in place on a terminal, else line by line.
 
@@ -39,14 +39,14 @@ def live_state(
         velocity: the base's velocity, m/s, body frame, (3,); NaN if unknown.
         duration_s: longest walking time.
         console: output; None for the standard output.
-        line: second line, about the steering; empty for none.
+        steering: returns a second line, about the steering; empty for none.
     """
     console = console or Console()
     ended = threading.Event()
 
     def state() -> Text:
-        extra = line()
-        return Text(describe(loop, velocity(), duration_s) + (f"\n{extra}" if extra else ""))
+        lines = describe(loop, velocity(), duration_s), steering()
+        return Text("\n".join(filter(None, lines)))
 
     def draw() -> None:
         with Live(
@@ -71,11 +71,11 @@ def live_state(
             yield
     finally:
         ended.set()
-        resume(console.file)
+        resume_output(console.file)
         thread.join(OUTPUT_TIMEOUT_S)
 
 
-def resume(output: IO[str]) -> None:
+def resume_output(output: IO[str]) -> None:
     """Resume a terminal's output after Ctrl-S, so that the final messages are visible."""
     with suppress(OSError, ValueError, termios.error):  # not a terminal, or a closed one
         if os.tcgetpgrp(output.fileno()) == os.getpgrp():  # in the background it would stop the process
@@ -86,7 +86,7 @@ def resume(output: IO[str]) -> None:
 def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
     """State of the loop in one line."""
     walking_s = loop.walking_s if loop.walking else loop.walked_s
-    hold = "hold it up: " if loop.held_up else ""
+    hold = "hold the robot up: " if loop.held_up else ""
     parts = [
         f"{walking_s:.1f} s" if duration_s >= MAX_DURATION_S else f"{walking_s:.1f} of {duration_s:g} s",
         loop.state.mode.value,
@@ -97,7 +97,7 @@ def describe(loop: ControlLoop, velocity: np.ndarray, duration_s: float) -> str:
     if (battery := loop.battery).known:
         parts.append(f"battery {battery.charge:.0%}")
     skipped = _count(loop.timing.ticks_skipped, "tick")
-    parts += [f"tilt {tilt(loop.sensed.quaternion):.2f} rad", f"{skipped} late"]
+    parts += [f"tilt {tilt(loop.sensed.quaternion):.2f} rad", f"{skipped} skipped"]
     return hold + ", ".join(parts)
 
 

@@ -8,8 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from footfall.common.blocking_threads import call_with_timeout
 from footfall.common.errors import UserError
-from footfall.common.in_time import call_in_time
 from footfall.common.outputs import write_json
 from footfall.deploy.process_end import handling
 from footfall.exit_status import BAD_INPUT
@@ -36,7 +36,7 @@ def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[]
         BrokenPipeError: the reader of the output has closed it, and nothing else failed.
     """
     with handling(lambda *_: None):  # a closing terminal sends SIGHUP twice
-        not_written, not_shown = _write(path, figures), _show_in_time(show)
+        not_written, not_shown = _write(path, figures), _show_with_timeout(show)
         if not (not_written or not_shown):
             return status
         if not (status or not_written) and isinstance(not_shown, BrokenPipeError | SystemExit):
@@ -49,7 +49,7 @@ def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[]
             f"the run ended: {', '.join([figures['final_state'], *figures['faults']])}",
         ]
         line = "; ".join(filter(None, parts))
-        call_in_time(lambda: print(f"footfall: {line}", file=sys.stderr, flush=True))
+        call_with_timeout(lambda: print(f"footfall: {line}", file=sys.stderr, flush=True))
         return (status or BAD_INPUT) if lost else status
 
 
@@ -62,14 +62,14 @@ def _write(path: Path | None, figures: dict[str, Any]) -> str:
     return ""
 
 
-def _show_in_time(show: Callable[[], None]) -> BaseException | None:
+def _show_with_timeout(show: Callable[[], None]) -> BaseException | None:
     """Show the summary; returns the exception of a failure."""
 
     def act() -> None:
         show()
         sys.stdout.flush()
 
-    error = call_in_time(act)
+    error = call_with_timeout(act)
     if error is not None and not isinstance(error, TimeoutError):
         discard_output()
     return error

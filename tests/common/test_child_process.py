@@ -1,4 +1,4 @@
-"""Child processes, scripts that start processes, and calls with a time limit."""
+"""Child processes, scripts that start processes, and calls with a timeout."""
 
 import signal
 import subprocess
@@ -7,14 +7,14 @@ import threading
 from pathlib import Path
 from unittest.mock import Mock
 
-from footfall.common.child_process import end_by_input
-from footfall.common.in_time import call_in_time
+from footfall.common.blocking_threads import call_with_timeout
+from footfall.common.child_process import end_by_closing_input
 
 
-def test_a_child_ends_with_its_input_or_is_killed() -> None:
+def test_a_child_ends_when_its_input_is_closed_or_is_killed() -> None:
     for command, timeout_s, status in ((["cat"], 10.0, 0), (["sleep", "20"], 0.05, -signal.SIGKILL)):
         child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        end_by_input(child, timeout_s)
+        end_by_closing_input(child, timeout_s)
         assert child.returncode == status
 
 
@@ -37,20 +37,20 @@ def test_a_script_without_a_main_guard_is_refused_with_advice(tmp_path: Path) ->
     )
 
 
-def test_a_call_returns_none_or_its_error_and_is_a_timeout_if_it_does_not_end() -> None:
-    wrong = OSError("full")
-    assert call_in_time(lambda: None) is None
-    assert call_in_time(Mock(side_effect=wrong)) is wrong
-    caller, began, ended = [], threading.Event(), threading.Event()
+def test_a_call_gives_none_or_its_error_or_after_the_timeout_a_timeout_error() -> None:
+    error = OSError("full")
+    assert call_with_timeout(lambda: None) is None
+    assert call_with_timeout(Mock(side_effect=error)) is error
+    threads, began, released = [], threading.Event(), threading.Event()
 
-    def wait() -> None:
-        caller.append(threading.current_thread())
+    def block() -> None:
+        threads.append(threading.current_thread())
         began.set()
-        ended.wait()
+        released.wait()
 
     try:
-        assert isinstance(call_in_time(wait, 0.01), TimeoutError)
-    finally:  # a command line in this process would not flush its output while it waits
-        ended.set()
+        assert isinstance(call_with_timeout(block, 0.01), TimeoutError)
+    finally:  # with a blocked call, a command line in this process would not flush its output
+        released.set()
         began.wait()
-        caller[0].join()
+        threads[0].join()

@@ -13,7 +13,7 @@ from fake_time import FakeTime
 
 from footfall.deploy import clock as clock_module
 from footfall.deploy import interface_time
-from footfall.deploy.clock import WallClock, undisturbed
+from footfall.deploy.clock import WallClock, realtime_thread
 from footfall.deploy.frames import frame_bits
 from footfall.deploy.interface_time import Pacing
 
@@ -46,7 +46,7 @@ class TestUndisturbed:
         return gc.isenabled(), frozen, sys.getswitchinterval(), slack_ns, os.sched_getscheduler(0)
 
     def test_garbage_collection_is_off_and_other_threads_yield(self) -> None:
-        with undisturbed(None) as refused:
+        with realtime_thread(None) as refused:
             assert self.settings() == (False, True, pytest.approx(1e-4), 1, os.SCHED_OTHER)
         assert (refused, self.settings()) == ([], self.RESTORED)
 
@@ -55,7 +55,7 @@ class TestUndisturbed:
         monkeypatch.setattr(os, "sched_setscheduler", refuse)
         monkeypatch.setattr(clock_module, "may_lock_memory", lambda: False)
         monkeypatch.setattr("resource.getrlimit", lambda _: (8 * 2**20, 8 * 2**20))
-        with undisturbed(80) as refused:
+        with realtime_thread(80) as refused:
             assert not gc.isenabled()
         assert refused == [
             "memory is not locked: the limit (ulimit -l) is 8 MiB",

@@ -21,7 +21,7 @@ from frame_robot import TICK_US, FrameRobot, Notebook
 from relaxed_limits import RELAXED
 
 from footfall import Robot, UserError, load_robot, run_episode
-from footfall.deploy import drive, session
+from footfall.deploy import run_loop, session
 from footfall.deploy.bus import BusStatistics
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import imu
@@ -64,16 +64,18 @@ def test_every_bus_is_opened_and_closed_again(
 
 
 @pytest.mark.parametrize("realtime", [False, True])
-def test_wall_clock_runs_are_undisturbed(go1: Robot, monkeypatch: pytest.MonkeyPatch, realtime: bool) -> None:
+def test_wall_clock_runs_are_realtime_threads(
+    go1: Robot, monkeypatch: pytest.MonkeyPatch, realtime: bool
+) -> None:
     calls: list[Any] = []
 
     @contextmanager
-    def undisturbed(priority: int | None) -> Iterator[list[str]]:
+    def realtime_thread(priority: int | None) -> Iterator[list[str]]:
         calls.append(priority)
         yield ["not permitted"]
         calls.append("over")
 
-    monkeypatch.setattr(drive, "undisturbed", undisturbed)
+    monkeypatch.setattr(run_loop, "realtime_thread", realtime_thread)
     safety = replace(RELAXED.safety, damping_s=0.01)
     config = replace(RELAXED, stand_s=0.01, realtime_priority=42, safety=safety)
     run = Session(stand_still, 0.004, realtime, config=config)

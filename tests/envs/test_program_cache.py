@@ -43,10 +43,10 @@ def advance(state: State) -> tuple[State, dict[str, jax.Array]]:
     return state._replace(numbers=numbers), {"total": numbers.sum()}
 
 
-def kept(make: Any, *made_from: Any, report: Any = print) -> Any:
+def kept(make: Any, *key: Any, report: Any = print) -> Any:
     """The program, after its file has been written."""
     with ThreadPoolExecutor(1) as beside:
-        program = program_cache.load_or_compile(make, beside, report, *made_from).result()
+        program = program_cache.load_or_compile(make, beside, report, *key).result()
     for thread in threading.enumerate():
         if thread.name == "keep program":
             thread.join()
@@ -145,8 +145,8 @@ def test_the_longest_unused_program_goes(cache: Path, make: Mock, monkeypatch: p
 def test_another_input_library_driver_or_precision_makes_another_program(
     cache: Path, make: Mock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def count(*made_from: object) -> int:
-        kept(make, *made_from)
+    def count(*key: object) -> int:
+        kept(make, *key)
         return make.call_count
 
     assert count("settings", b"model") == 1

@@ -20,7 +20,7 @@ from footfall.envs.config import (
     ObservationConfig,
     RewardConfig,
 )
-from footfall.envs.make import made_from, make_environment
+from footfall.envs.make import make_environment, program_key
 from footfall.envs.workarounds.program_cache import fingerprint
 
 OWN = '''
@@ -156,12 +156,12 @@ def test_a_changed_term_changes_the_programs_fingerprint(own_module: Path) -> No
     config = replace(IN_C, rewards=(RewardConfig("own_terms:knees", 1.0),))
     helper = own_module.with_name("own_helper.py")
     helper.write_text("")
-    made = [fingerprint(made_from(ROBOT, config)) for _ in range(2)]
+    made = [fingerprint(program_key(ROBOT, config)) for _ in range(2)]
     own_module.write_text("import own_helper\n" + OWN.replace("[2::3]", "[1::3]"))
     sys.modules.pop("own_terms")
-    made.append(fingerprint(made_from(ROBOT, config)))
+    made.append(fingerprint(program_key(ROBOT, config)))
     helper.write_text("GAIN = 2.0")  # what a term's module imports is part of the term
-    made.append(fingerprint(made_from(ROBOT, config)))
+    made.append(fingerprint(program_key(ROBOT, config)))
     sys.modules.pop("own_helper")
     assert made[0] == made[1]
     assert len(set(made)) == 3

@@ -60,11 +60,11 @@ def test_deploy_needs_no_learning_library(tmp_path: Path) -> None:
     assert "[train]'" in done.stderr
 
 
-def test_an_interrupted_command_leaves_its_compiler_behind() -> None:
+def test_an_interrupted_command_does_not_wait_for_its_compiler() -> None:
     code = (
         "import sys, time; from concurrent.futures import ThreadPoolExecutor as Pool; "
-        "from footfall import __main__, cli; from footfall.common.in_time import COMPILING; "
-        "Pool(1, COMPILING).submit(time.sleep, 300); "
+        "from footfall import __main__, cli; from footfall.common.blocking_threads import COMPILER; "
+        "Pool(1, COMPILER).submit(time.sleep, 300); "
         "cli.main = lambda: print('stopped') or 143; sys.exit(__main__.main())"
     )
     done = python("-c", code)

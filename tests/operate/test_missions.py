@@ -97,10 +97,15 @@ def test_a_mission_gives_up_with_its_reason() -> None:
     carried.step()
     carried.pose = carried.pose._replace(x_m=carried.pose.x_m + 1.0)
     assert "away from the path" in carried.run().source.progress.outcome
+    far = Walker([{"wait": 1}, {"go_to": [499.9, 0]}])
+    far.step()
+    far.pose = far.pose._replace(x_m=far.pose.x_m + 1.0)
+    assert "step 2 (go_to)" in far.run().source.progress.outcome
     lost = Walker([{"turn": 90}])
     lost.pose = Pose(math.nan, math.nan, math.nan)
     assert "no odometry" in lost.run().source.progress.outcome
-    for walker in (stuck, slow, carried, lost):
+    assert "step 0" not in lost.source.progress.outcome
+    for walker in (stuck, slow, carried, far, lost):
         last = walker.requests[-1]
         assert (last.velocity.any(), last.behaviour) == (False, Behaviour.LIE_DOWN)
         assert last.note.startswith("the mission gave up")

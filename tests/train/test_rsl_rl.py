@@ -194,7 +194,7 @@ def test_a_resumed_run_continues_exactly(
 @pytest.mark.parametrize("part", ["actor", "critic", "optimizer", "episodes"])
 def test_each_part_of_a_checkpoint_is_checked(trainer: RslRlTrainer, part: str) -> None:
     algorithm, environment = trainer.runner.alg, trainer.environment
-    assert trainer.broken() == []
+    assert trainer.non_finite() == []
     if part == "optimizer":
         next(iter(algorithm.optimizer.state.values()))["exp_avg"].view(-1)[0] = torch.inf
     elif part == "episodes":
@@ -204,7 +204,7 @@ def test_each_part_of_a_checkpoint_is_checked(trainer: RslRlTrainer, part: str) 
     else:
         with torch.no_grad():
             next(getattr(algorithm, part).mlp.parameters())[0, 0] = torch.nan
-    (name,) = trainer.broken()
+    (name,) = trainer.non_finite()
     assert part in name
 
 

@@ -25,8 +25,8 @@ from footfall.envs.config import RewardConfig
 from footfall.train.config import load_preset
 from footfall.train.runs.folder import open_run
 from footfall.train.sweeps import sweep as sweep_module
-from footfall.train.sweeps.check import reported_metrics
 from footfall.train.sweeps.config import SweepConfig
+from footfall.train.sweeps.metric_names import reported_metrics
 from footfall.train.sweeps.results import UNFINISHED, Trial, last_value, points_of
 from footfall.train.sweeps.space import search_algorithm, search_space
 from footfall.train.sweeps.sweep import collect_results, import_tune, sweep

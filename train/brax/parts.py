@@ -9,8 +9,8 @@ import numpy as np
 from brax.training.agents.ppo.networks import PPONetworks
 from jax.sharding import Mesh
 
+from footfall.common.blocking_threads import COMPILER
 from footfall.common.collector import collector_paused
-from footfall.common.in_time import COMPILING
 from footfall.envs.environment import Environment
 from footfall.envs.make import make_environment
 from footfall.envs.symmetry import EnvironmentMirror
@@ -19,7 +19,7 @@ from footfall.robots.description import Robot
 from footfall.train.brax.devices import caches_programs, place, shardings
 from footfall.train.brax.iteration import Iteration, make_iteration
 from footfall.train.brax.networks import make_networks
-from footfall.train.brax.prefetch import NAMES, made_from
+from footfall.train.brax.prefetch import NAMES, program_key
 from footfall.train.brax.programs import Programs
 from footfall.train.brax.state import STATE_SPECS, TrainState, initial_state
 from footfall.train.config import TrainConfig
@@ -84,16 +84,16 @@ class Parts:
                 shown_lines.append(line)
                 report(line)
 
-        parts = made_from(self.env.robot, self.config) if caches_programs(mesh) else None
+        key = program_key(self.env.robot, self.config) if caches_programs(mesh) else None
 
         def program(name: str, lower: Callable[[], jax.stages.Lowered]) -> Future[jax.stages.Compiled]:
             """Loaded from the disk, or traced here and compiled in another thread."""
-            if parts is None:
+            if key is None:
                 return executor.submit(lower().compile)
-            return load_or_compile(lower, executor, show_once, name, *parts)
+            return load_or_compile(lower, executor, show_once, name, *key)
 
         # Compiled side by side. Nothing may run on the devices meanwhile: XLA times its kernels there.
-        executor = ThreadPoolExecutor(len(NAMES), COMPILING)
+        executor = ThreadPoolExecutor(len(NAMES), COMPILER)
         try:
             act, learn = program("act", programs.act), program("learn", programs.learn)
             first = None if seed is None else program("first state", programs.first_state)

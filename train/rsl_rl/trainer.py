@@ -79,10 +79,10 @@ class RslRlTrainer(Trainer):
         try:
             return self._iterate()
         except RuntimeError:
-            broken = self.broken()  # torch refuses to sample a distribution that is not finite
-            if not broken:
+            names = self.non_finite()  # torch refuses to sample a distribution that is not finite
+            if not names:
                 raise
-            raise TrainingFailedError(self.iteration + 1, not_finite(broken)) from None
+            raise TrainingFailedError(self.iteration + 1, not_finite(names)) from None
 
     def _iterate(self) -> dict[str, float]:
         algorithm = self.runner.alg
@@ -112,9 +112,9 @@ class RslRlTrainer(Trainer):
             CannotWriteError: the disk is full or the folder cannot be written; older checkpoints stay.
             TrainingFailedError: the state is not finite, which the metrics need not show.
         """
-        broken = self.broken()
-        if broken:
-            raise TrainingFailedError(self.iteration, not_finite(broken))
+        names = self.non_finite()
+        if names:
+            raise TrainingFailedError(self.iteration, not_finite(names))
         episodes = serialization.to_bytes(jax.device_get(self.environment.episodes))
         infos = {
             "episodes": torch.frombuffer(bytearray(episodes), dtype=torch.uint8),
@@ -125,7 +125,7 @@ class RslRlTrainer(Trainer):
         self.runner.save(content, infos)
         checkpoint.write(self._run.checkpoints, self.iteration, content.getvalue())
 
-    def broken(self) -> list[str]:
+    def non_finite(self) -> list[str]:
         """Names of values that are not finite, in networks, optimiser and episodes."""
         learned = jax.tree.map(_on_the_host, self.runner.alg.save())
         return non_finite_leaves(learned | {"episodes": jax.device_get(self.environment.episodes)})

@@ -16,8 +16,8 @@ from footfall.common.errors import UserError
 from footfall.common.files import write_atomically
 from footfall.common.installation import needs_extra
 from footfall.robots.description import load_robot
-from footfall.train.sweeps.check import reported_metrics
 from footfall.train.sweeps.config import SweepConfig, trial_config
+from footfall.train.sweeps.metric_names import reported_metrics
 from footfall.train.sweeps.results import (
     UNFINISHED,
     Point,

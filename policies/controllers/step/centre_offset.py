@@ -14,9 +14,9 @@ class CentreOffset:
 
     The legs' torques give the wrench of the ground on each foot, and so the centre of pressure p. A level
     body whose centre is c obeys c = p + c'' / w^2 + (L_y', -L_x') / (m g), with the pendulum's rate w and the
-    angular momentum L about c. The mean of the last two terms needs only their first and last values. A load,
-    a wrong zero of an encoder and a tilted IMU all move the point over which the robot balances; each is part
-    of the offset.
+    angular momentum L about c. The mean of the last two terms needs only the first and the last value of
+    their integral. A load, a wrong zero of an encoder and a tilted IMU all move the point over which the
+    robot balances; each is part of the offset.
 
     Args:
         weight_n: m g.
@@ -31,7 +31,7 @@ class CentreOffset:
     def reset(self) -> None:
         """Forget what was observed."""
         self._count, self._sum = 0, np.zeros(2)
-        self._first: np.ndarray | None = None
+        self._first: np.ndarray | None = None  # integral of the last two terms, at the first tick
         self.value = np.zeros(2)  # m, axes of the dynamics; zero where the legs do not determine the wrenches
 
     def observe(self, dynamics: Dynamics, joint_torque: np.ndarray) -> None:
@@ -40,11 +40,11 @@ class CentreOffset:
         if pressure is None:
             return
         momentum_x, momentum_y = (dynamics.angular_momentum[:2] / self._weight_n).tolist()
-        motion = dynamics.centre_velocity[:2] / self._fall_rate**2 + np.array([momentum_y, -momentum_x])
-        self._first = motion if self._first is None else self._first
+        integral = dynamics.centre_velocity[:2] / self._fall_rate**2 + np.array([momentum_y, -momentum_x])
+        self._first = integral if self._first is None else self._first
         self._count += 1
         self._sum += pressure - dynamics.centre[:2]
-        offset = (self._sum + (motion - self._first) * self._rate_hz) / self._count
+        offset = (self._sum + (integral - self._first) * self._rate_hz) / self._count
         self.value = offset * min(1.0, MAX_OFFSET_M / max(math.hypot(*offset), 1e-9))
 
 

@@ -81,7 +81,6 @@ class Step:
         pressure, feet = self.footwork.advance(dynamics, inputs.command, settled)
 
         load = self.footwork.load
-        bearing = load > UNLOADED
         ground_z = float(load @ dynamics.foot[:, 2] / load.sum())
         height = self._start_height + share * (self.com_height_m - self._start_height)
         acceleration = np.zeros(3)
@@ -95,7 +94,7 @@ class Step:
             feet=feet,
             joints=config.posture(sensed.joint_position - self._default, sensed.joint_velocity),
         )
-        max_force = self._max_force * np.where(bearing, load, 0.0)[self.control.body.foot_of_point]
+        max_force = self._max_force * np.where(load > UNLOADED, load, 0.0)[self.control.body.foot_of_point]
         return self.control.command(
             dynamics, sensed.joint_position, sensed.joint_velocity, desired, max_force
         )

@@ -4,7 +4,7 @@ from footfall.evaluation_options import (
     DEFAULT_OPTIONS,
     EvaluationOptions,
     evaluation_config,
-    exit_status,
+    report_failures,
     requirements_of,
 )
 from footfall.options import HtmlFile, PolicyName
@@ -21,4 +21,4 @@ def compare(
     specs = add_settings(policies, options.settings)
     config, requirements = evaluation_config(options), requirements_of(options)
     results = compare_policies(specs, config, json_path=options.json, html_path=html)
-    return exit_status(results, requirements, options.junit)
+    return report_failures(results, requirements, options.junit)

@@ -226,7 +226,7 @@ def _display(
     for line in (*lines, *steering.about):
         print(line, flush=True)
     steering.attach(loop)
-    return live_state(loop, velocity, steering.duration_s, line=steering.line)
+    return live_state(loop, velocity, steering.duration_s, steering=steering.line)
 
 
 def _feed(options: DeployOptions, steering: "Steered") -> Path | None:

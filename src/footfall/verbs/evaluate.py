@@ -9,7 +9,7 @@ from footfall.evaluation_options import (
     DEFAULT_OPTIONS,
     EvaluationOptions,
     evaluation_config,
-    exit_status,
+    report_failures,
     requirements_of,
 )
 from footfall.options import Names, PolicyName
@@ -37,7 +37,7 @@ def evaluate(
         return 0
     requirements = requirements_of(options)
     result = evaluate_policy(spec, evaluation_config(options), json_path=options.json)
-    return exit_status({spec: result}, requirements, options.junit)
+    return report_failures({spec: result}, requirements, options.junit)
 
 
 def _refuse_scenarios(options: EvaluationOptions) -> None:

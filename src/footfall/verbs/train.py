@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from footfall.common.errors import UserError
 from footfall.common.yaml_text import parse_yaml
-from footfall.evaluation_options import exit_status
+from footfall.evaluation_options import report_failures
 from footfall.options import (
     AS_TYPED,
     Count,
@@ -134,7 +134,7 @@ def _evaluate(folder: Path) -> int:
         return 0
     config = EvaluationConfig(run.provenance.robot, (EVALUATION,), run.provenance.seed)
     result = evaluate_policy(str(folder), config, json_path=result_file)
-    return exit_status({str(folder): result})
+    return report_failures({str(folder): result})
 
 
 def _may_be_main_process(cluster: ClusterOptions) -> bool:

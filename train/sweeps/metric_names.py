@@ -1,4 +1,4 @@
-"""The metrics that a sweep's trials will report, known before one runs."""
+"""Names of the metrics that a sweep's trials will report, determined before the first trial."""
 
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from footfall.common.collector import collector_paused
-from footfall.deploy.clock import undisturbed
+from footfall.deploy.clock import realtime_thread
 from footfall.deploy.guard import Guard
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
@@ -16,16 +16,20 @@ EachTick = Callable[[ControlLoop], None]
 
 @contextmanager
 def realtime_settings(realtime: bool, priority: int | None) -> Iterator[list[str]]:
-    """Real-time settings of the system; in lockstep only the garbage collector pauses."""
+    """Real-time settings of the system; in lockstep only the garbage collector pauses.
+
+    Yields:
+        What the system did not permit, one line each.
+    """
     if realtime:
-        with undisturbed(priority) as refused:
+        with realtime_thread(priority) as refused:
             yield refused
     else:
         with collector_paused():
             yield []
 
 
-def drive(loop: ControlLoop, duration_s: float, damping_ticks: int, each_tick: EachTick | None) -> None:
+def run_loop(loop: ControlLoop, duration_s: float, damping_ticks: int, each_tick: EachTick | None) -> None:
     """Tick until the run is over. After an exception the robot is damped, then the exception is raised again.
 
     Args:
