@@ -1,10 +1,11 @@
-"""Motors of every maker, and of several makers on one robot: frames, settings at the start, standing up."""
+"""Motors of every maker, and of several makers on one robot: frames, settings at the start, drive limits, standing up."""
 
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from changed_robots import with_each_motor
 from deploy_policies import Hold, short_episode, stand_still
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -12,7 +13,7 @@ from hypothesis.extra import numpy as arrays
 from some_motors import MAKERS, read_settings, report, two_motors, with_motors
 from watched_simulation import Simulation
 
-from footfall import Robot, load_robot, run_episode
+from footfall import Robot, UserError, load_robot, run_episode
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import damiao, robstride
 from footfall.deploy.drivers.choice import open_driver
@@ -133,6 +134,41 @@ def test_random_frames_raise_nothing_and_readings_stay_in_range(wiring: Wiring) 
         end.requests(frames)
         end.settings_replies(frames)
         driver.not_ready()
+
+
+# What a maker's drives limit, and the limits of the simulated drives.
+LIMITS = {
+    "RobStride": ("torque", lambda end: [own[0x700B] for own in end.parameters]),
+    "moteus": ("torque", lambda end: end.torque_limit),
+    "ODrive": ("current", lambda end: end.current_limit),
+}
+
+
+@pytest.mark.parametrize("maker", LIMITS)
+def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker: str) -> None:
+    limit, limits_of = LIMITS[maker]
+    made = with_motors(go1, **MAKERS[maker])
+    robot = with_each_motor(made, drive_limit=limit, current_endpoint=301)
+    wiring = wiring_of(robot)
+    driver, end = open_driver(wiring), open_motor_end(wiring)
+    assert not np.allclose(limits_of(end), wiring.highest)
+    for _ in range(10):
+        answer = end.settings_replies(driver.query_settings())
+        if answer is not None:
+            driver.replies(answer)
+    assert maker == "ODrive" or driver.not_ready() == ""
+    motors = [robot.description.motors[joint.motor] for joint in robot.description.joints]
+    expected = np.array([motor.peak_torque_nm for motor in motors])
+    if limit == "current":
+        expected /= [motor.gear_ratio * motor.torque_constant_nm_a for motor in motors]
+    np.testing.assert_allclose(limits_of(end), expected, rtol=1e-6)
+
+
+def test_a_limit_that_a_maker_does_not_have_is_refused(go1: Robot) -> None:
+    for maker, limit in (("MIT mode", "torque"), ("Damiao", "current"), ("moteus", "current")):
+        robot = with_each_motor(with_motors(go1, **MAKERS[maker]), drive_limit=limit)
+        with pytest.raises(UserError, match=f"FR_hip_joint: .*{limit}"):
+            open_driver(wiring_of(robot))
 
 
 class TestSeveralMakers:
