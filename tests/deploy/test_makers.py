@@ -1,4 +1,4 @@
-"""Motors of every maker, and of several makers on one robot: frames, settings at the start, drive limits, standing up."""
+"""Motors of every maker, and of several makers on one robot: frames, settings, drive limits, standing up."""
 
 from dataclasses import replace
 from typing import Any

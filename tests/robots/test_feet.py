@@ -1,4 +1,4 @@
-"""Geoms that are feet, also in another maker's model, their spheres, and soles that stand on their corners."""
+"""Feet's geoms, also in another maker's model, their spheres, and soles that stand on their corners."""
 
 from collections.abc import Callable
 from itertools import product
