@@ -66,7 +66,7 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
     legs = tuple(_limb(model, base, end, named_as_feet[end]) for end in feet)
     for leg in legs:
         _check(leg, source)
-    guesses = [f"feet: {', '.join(model.body(end).name for end in feet)}, taken {reason}"]
+    guesses = [f"feet: {_listed(model, feet)}, taken {reason}{_as_low(model, feet, depth)}"]
     return Limbs(base, legs, () if named else tuple(guesses))
 
 
@@ -124,11 +124,25 @@ def _by_name(source: Source, ends: list[int], named: tuple[str, ...]) -> list[in
         body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
         top = int(model.body_weldid[body]) if body >= 0 else -1
         if top not in ends:
-            known = ", ".join(model.body(end).name for end in ends)
+            known = _listed(model, ends)
             what = "there is no link" if body < 0 else "a limb does not end in"
             raise UserError(f"{source.path}: {what} '{name}': limbs end in {known}")
         found.append(top)
     return found
+
+
+def _listed(model: mujoco.MjModel, ends: list[int]) -> str:
+    return ", ".join(model.body(end).name for end in ends)
+
+
+def _as_low(model: mujoco.MjModel, feet: list[int], depth: dict[int, float]) -> str:
+    """Words about other limbs that reach about as low as the feet, as a dog's fore legs named as hands."""
+    lowest = max(depth[end] for end in feet)
+    others = [end for end in depth if end not in feet and depth[end] >= MIN_DEPTH_SHARE * lowest > 0]
+    if not others:
+        return ""
+    names = _listed(model, others)
+    return f"; {names} reach about as low: if the robot stands on them, too, name all feet with --feet"
 
 
 def _no_feet(path: Path, model: mujoco.MjModel, base: int, found: list[int]) -> str:

@@ -56,6 +56,13 @@ def test_an_upper_body_is_refused_unless_its_hands_are_named_as_feet(tmp_path: P
     assert feet_of(source, "left_gripper", "right_gripper") == ["left_gripper", "right_gripper"]
 
 
+def test_limbs_that_reach_as_low_as_the_named_feet_are_mentioned(tmp_path: Path) -> None:
+    feet = hanging("left_foot", 0.1, 0.2), hanging("right_foot", -0.1, 0.2)
+    for length, mentioned in ((0.2, True), (0.1, False)):
+        (guess,) = find_limbs(read(tmp_path, on_base(*feet, hanging("hand", 0.0, length)))).guesses
+        assert ("hand" in guess) == mentioned
+
+
 def test_joints_that_cannot_be_driven_are_named(tmp_path: Path) -> None:
     text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
     for old, new, named in (
