@@ -77,7 +77,7 @@ def xl330(folder: str, held_out: str, config: NetConfig) -> list[str]:
         index for index, log in enumerate(logs(folder, "xl330")) if _driven(log) and held_out not in log.name
     ]
     numbers = windows.of(used).fit()
-    value = dict(zip((each.name for each in windows.numbers), numbers.tolist(), strict=True))
+    value = dict(zip((each.name for each in windows.parameters), numbers.tolist(), strict=True))
     leg = servo_leg(value, driven_logs[0])
     stall, duty = float(leg.motor.stall_torque[0]), SERVOS["xl330"].duty_per_rad
     learning = [servo_recording(log, duty * stall) for log in driven_logs if held_out not in log.name]

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from recordings.double_pendulum import BASE, EFFECTS, GRAVITY, STEP_S, accelerate
+from recordings.double_pendulum import BASE, EFFECTS, GRAVITY, STEP_S, acceleration
 from recordings.rollout import Inputs, rollouts
 from recordings.tables import interval, plot_windows, table
 from resumable_runs import add_options, run_resumable
@@ -32,8 +32,8 @@ from footfall.identify.null_space import null_directions
 from footfall.identify.shooting import Shooting
 
 WINDOW_S, READ_HZ, MARGIN_S = 0.5, 125.0, 0.05
-NUMBERS = (*BASE, *EFFECTS)
-NAMES = [each.name for each in NUMBERS]
+PARAMETERS = (*BASE, *EFFECTS)
+NAMES = [each.name for each in PARAMETERS]
 SIGMA_RAD = 0.005  # standard deviation of a reading, the unit of errors
 START_SIGMA = (0.003, 0.003, 0.3, 0.3)  # rad, rad/s
 FIT_POINTS = 5  # readings on either side from which a start is estimated
@@ -104,8 +104,8 @@ def problem(folder: str) -> Shooting:
             recording.append(index)
     inputs = Inputs(np.stack(torques), margin, STEP_S, np.array(read_at))
     return Shooting(
-        rollouts(accelerate, inputs, NUMBERS, ("delay_1", "delay_2"), (None, "strength_2")),
-        NUMBERS,
+        rollouts(acceleration, inputs, PARAMETERS, ("delay_1", "delay_2"), (None, "strength_2")),
+        PARAMETERS,
         np.array(measured),
         np.full(2, SIGMA_RAD),
         np.array(starts),

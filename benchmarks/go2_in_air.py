@@ -115,7 +115,7 @@ def run(task: Task) -> dict[str, Any]:
     numbers = fitting.fit(rounds=2, iterations=6)
     error = windows.errors(numbers)[held_out]
     residual, slope = fitting.slopes(numbers)
-    names = [each.name for each in windows.numbers]
+    names = [each.name for each in windows.parameters]
     noise = float(np.sqrt((residual[~held_out] ** 2).mean()))
     undetermined = null_directions(slope.reshape(-1, len(names)), names, noise)
     return {

@@ -148,7 +148,7 @@ def outcome_of(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, s
 
     for each in fit.estimates:
         quantity, owner = each.parameter.quantity, each.parameter.owner
-        true = truth.get((quantity, owner), each.parameter.kind.nominal)
+        true = truth.get((quantity, owner), each.parameter.declaration.nominal)
         relative_errors[quantity].append(2.0 * (each.value - true) / (each.high - each.low))
         offset = (
             float(leg.motor.damping[leg.joint_names.index(owner)]) if quantity == "joint_damping" else 0.0

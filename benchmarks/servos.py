@@ -84,7 +84,7 @@ def report_errors(folder: str, servo: str, fits: dict[tuple[str, str, int], np.n
     rows = []
     for name, values in SERVOS[servo].makers.items():
         short_and_long = [makers_problem(folder, servo, window_s) for window_s in (1.0, LONG_S)]
-        numbers = np.array([values[number.name] for number in short_and_long[0].numbers])
+        numbers = np.array([values[each.name] for each in short_and_long[0].parameters])
         short, long = (
             [mean_error_mrad(windows, numbers, members) for _, members in parts] for windows in short_and_long
         )
@@ -122,18 +122,18 @@ def report_numbers(windows: Shooting, fits: dict[tuple[str, str, int], np.ndarra
     fitted = fits["joint law", "all", 0]
     draws = np.array([numbers for (_, kind, _), numbers in fits.items() if kind == "draw"])
     rows = []
-    for index, number in enumerate(windows.numbers):
+    for index, parameter in enumerate(windows.parameters):
         low, high = interval(list(draws[:, index])) if len(draws) else interval([])
         value = f"{fitted[index]:.4g}"
-        if min(low - number.low, number.high - high) < AT_BOUND * number.scale:
+        if min(low - parameter.low, parameter.high - high) < AT_BOUND * parameter.scale:
             value = f"refused: {value} is at its bound"
         elif high - low > 2.0 * SUPPORTED * abs(fitted[index]):
             value = f"refused: {value} is not determined"
-        rows.append([number.name, number.unit, value, f"{low:.4g} to {high:.4g}"])
+        rows.append([parameter.name, parameter.unit, value, f"{low:.4g} to {high:.4g}"])
     print(table(["joint law", "unit", "fit to all", "95 % over recordings"], rows))
-    print(as_robot(dict(zip([number.name for number in windows.numbers], fitted, strict=True))))
+    print(as_robot(dict(zip([each.name for each in windows.parameters], fitted, strict=True))))
     residual, slope = windows.slopes(fitted)
-    names = [number.name for number in windows.numbers]
+    names = [each.name for each in windows.parameters]
     found = null_directions(slope.reshape(-1, len(names)), names, float(np.sqrt((residual**2).mean())))
     print("\n".join(f"not determined: {each.text}" for each in found) or "every direction is determined")
 

@@ -274,7 +274,7 @@ def _estimates(
     """
     weights = block_weights(problem.windows.source, RESAMPLES, np.random.default_rng(seed))
     refits = refitted(x, residual, slope, weights, problem.by_window, (problem.low, problem.high))
-    scale = np.array([each.kind.scale for each in problem.parameters])
+    scale = np.array([each.declaration.scale for each in problem.parameters])
     half_widths = INTERVAL_SIGMAS * refits.std(axis=0) * scale
     values = problem.numbers(x[:, None])[:, 0]
     return tuple(

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.identify.null_space import Direction, Profile, null_directions, profile
-from footfall.identify.parameters import ORDER, Parameter
+from footfall.identify.parameters import FREEZING_ORDER, Parameter
 from footfall.identify.problem import Problem
 from footfall.identify.solver import coarsened, gauss_newton
 
@@ -26,8 +26,8 @@ class Reduced(NamedTuple):
 def freeze_unidentifiable(problem: Problem, slope: np.ndarray, noise: float) -> Reduced:
     """The problem without its unidentifiable parameters.
 
-    A direction with a large standard deviation is unidentifiable. Of its parameters, the first one in `ORDER`
-    is frozen, until no such direction remains.
+    A direction with a large standard deviation is unidentifiable. Of its parameters, the first one in
+    `FREEZING_ORDER` is frozen, until no such direction remains.
 
     Args:
         problem: problem with all parameters.
@@ -46,7 +46,7 @@ def freeze_unidentifiable(problem: Problem, slope: np.ndarray, noise: float) -> 
         if not worst:
             break
         members = [rows[name] for name in worst[0].parts]
-        first = min(members, key=lambda row: ORDER.index(problem.parameters[row].quantity))
+        first = min(members, key=lambda row: FREEZING_ORDER.index(problem.parameters[row].quantity))
         frozen[problem.parameters[first]] = worst[0]
         kept.remove(first)
     if frozen:

@@ -9,13 +9,11 @@ import numpy as np
 from footfall.identify.leg import FixedLeg
 from footfall.robots.actuator import Motor
 
-LEG = "leg"  # owner of quantities that all joints of a leg share
-
 
 class Quantity(NamedTuple):
-    """A quantity to fit, for each joint, each body or the whole leg."""
+    """A quantity to fit, for each joint or each body."""
 
-    owner_kind: str  # "joint", "body" or "leg"
+    owner_kind: str  # "joint" or "body"
     unit: str  # "" for a factor on the nominal value
     nominal: float
     low: float
@@ -25,8 +23,8 @@ class Quantity(NamedTuple):
     field: str = ""  # field of `Motor`, for an effect that is fitted only on request
 
 
-# In the order of freezing if several are unidentifiable together: quantities that a datasheet or a pair of
-# scales gives come first. Floors: run-to-run deviation of fits on one machine.
+# Of several quantities that are unidentifiable together, the first one is frozen. So quantities that a
+# datasheet gives, or that can be weighed, come first. Floors: run-to-run deviation of fits on one robot.
 QUANTITIES = {
     "link_mass": Quantity("body", "", 1.0, 0.5, 2.0, 0.1, 0.03),
     "friction_speed": Quantity("joint", "", 1.0, 0.1, 10.0, 0.5, 0.5),
@@ -48,8 +46,8 @@ EFFECTS = {
     "gear_compliance": Quantity("joint", "rad/(N m)", 0.0, 0.0, 0.05, 0.001, 0.0005, "compliance"),
     "link_com": Quantity("body", "", 1.0, -1.0, 4.0, 0.1, 0.03),  # centre of mass from the joint
 }
-KINDS = QUANTITIES | EFFECTS
-ORDER = (*EFFECTS, *QUANTITIES)
+ALL_QUANTITIES = QUANTITIES | EFFECTS
+FREEZING_ORDER = (*EFFECTS, *QUANTITIES)
 
 
 @dataclass(frozen=True)
@@ -57,11 +55,11 @@ class Parameter:
     """One parameter of a fit."""
 
     quantity: str
-    owner: str  # name of a joint or body, or LEG
+    owner: str  # name of a joint or body
 
     @property
-    def kind(self) -> Quantity:
-        return KINDS[self.quantity]
+    def declaration(self) -> Quantity:
+        return ALL_QUANTITIES[self.quantity]
 
     @property
     def label(self) -> str:
@@ -89,12 +87,12 @@ def parameters_of(leg: FixedLeg, effects: Sequence[str] = ()) -> tuple[Parameter
 
 
 def _owners(leg: FixedLeg, name: str) -> tuple[str, ...]:
-    return {"joint": leg.joint_names, "body": leg.body_names, "leg": (LEG,)}[KINDS[name].owner_kind]
+    return {"joint": leg.joint_names, "body": leg.body_names}[ALL_QUANTITIES[name].owner_kind]
 
 
 def nominal(parameters: Sequence[Parameter]) -> np.ndarray:
     """Nominal values of parameters, (p,)."""
-    return np.array([each.kind.nominal for each in parameters])
+    return np.array([each.declaration.nominal for each in parameters])
 
 
 def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarray) -> Values:
@@ -106,7 +104,8 @@ def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarra
         """Values of a quantity, (K, owners)."""
         rows = [row_of.get((name, owner)) for owner in _owners(leg, name)]
         return np.stack(
-            [np.full(count, KINDS[name].nominal) if row is None else numbers[row] for row in rows], axis=1
+            [np.full(count, ALL_QUANTITIES[name].nominal) if row is None else numbers[row] for row in rows],
+            axis=1,
         )
 
     def of_joints(name: str) -> np.ndarray:
@@ -114,7 +113,7 @@ def values_of(leg: FixedLeg, parameters: Sequence[Parameter], numbers: np.ndarra
 
     motor, ones = leg.motor, np.ones((count, 1, leg.count))
     fields = {name: value * ones for name, value in motor._asdict().items() if value is not None}
-    for name in {each.quantity for each in parameters if each.kind.field}:
+    for name in {each.quantity for each in parameters if each.declaration.field}:
         field = EFFECTS[name].field
         fields[field] = fields.get(field, 0.0) + of_joints(name)
     return Values(

@@ -45,21 +45,21 @@ class Problem:
 
     @property
     def low(self) -> np.ndarray:
-        return self.scaled(np.array([each.kind.low for each in self.parameters]))
+        return self.scaled(np.array([each.declaration.low for each in self.parameters]))
 
     @property
     def high(self) -> np.ndarray:
-        return self.scaled(np.array([each.kind.high for each in self.parameters]))
+        return self.scaled(np.array([each.declaration.high for each in self.parameters]))
 
     def scaled(self, numbers: np.ndarray) -> np.ndarray:
         """Parameters (p,) in scales from nominal."""
-        scale = np.array([each.kind.scale for each in self.parameters])
+        scale = np.array([each.declaration.scale for each in self.parameters])
         result: np.ndarray = (numbers - nominal(self.parameters)) / scale
         return result
 
     def numbers(self, x: np.ndarray) -> np.ndarray:
         """Parameters (p, K) in their own units, clipped: a solver may round a bound to just beyond it."""
-        kinds = [each.kind for each in self.parameters]
+        kinds = [each.declaration for each in self.parameters]
         scale, low, high = (
             np.array([getattr(kind, name) for kind in kinds]) for name in ("scale", "low", "high")
         )

@@ -13,7 +13,7 @@ from footfall.common.errors import UserError
 from footfall.common.outputs import write_text
 from footfall.domain_rand.randomisation import OWN_FILE
 from footfall.identify.fit import LegFit
-from footfall.identify.parameters import KINDS, Parameter
+from footfall.identify.parameters import ALL_QUANTITIES
 from footfall.robots.description import Robot
 from footfall.robots.mjcf import load_spec
 from footfall.robots.spec_edits import make_inertia_explicit
@@ -110,7 +110,7 @@ def _ranges(
             ranges[name] = limits
     delays = [each.value for fit in fits for each in fit.estimates if each.parameter.quantity == "delay_s"]
     if delays:
-        floor = KINDS["delay_s"].floor
+        floor = ALL_QUANTITIES["delay_s"].floor
         ranges["action_delay_s"] = max(0.0, min(delays) - floor), max(delays) + floor
     if own_file.is_file():
         lines += [line for line in own_file.read_text(encoding="utf-8").splitlines() if line.startswith("#")]
@@ -122,7 +122,7 @@ def _ranges(
 
 def _range(name: str, fits: Sequence[LegFit], about_nominal: bool) -> tuple[float, float] | None:
     """A quantity's range; None if it was not identified."""
-    quantity = KINDS[name]
+    quantity = ALL_QUANTITIES[name]
     estimates = [each for fit in fits for each in fit.estimates if each.parameter.quantity == name]
     if not estimates:
         return None
@@ -139,19 +139,15 @@ def table_rows(fits: Sequence[LegFit]) -> list[tuple[str, str, str, str, str]]:
     rows = []
     for fit in fits:
         for each in fit.estimates:
-            unit = each.parameter.kind.unit or "x nominal"
+            unit = each.parameter.declaration.unit or "x nominal"
             rows.append(
                 (
-                    _owner(each.parameter, fit),
+                    each.parameter.owner,
                     each.parameter.quantity,
                     f"{each.value:.4g}",
                     f"{each.low:.4g} to {each.high:.4g}",
                     unit,
                 )
             )
-        rows += [(_owner(each, fit), each.quantity, "not identifiable", "", "") for each in fit.frozen]
+        rows += [(each.owner, each.quantity, "not identifiable", "", "") for each in fit.frozen]
     return rows
-
-
-def _owner(parameter: Parameter, fit: LegFit) -> str:
-    return parameter.owner if parameter.kind.owner_kind != "leg" else fit.leg.name

@@ -21,7 +21,7 @@ Simulate = Callable[[np.ndarray, np.ndarray], np.ndarray]
 START_ROUNDS = 2  # Gauss-Newton steps of the starts before an evaluation
 
 
-class Number(NamedTuple):
+class FitParameter(NamedTuple):
     """One parameter of a fit."""
 
     name: str
@@ -29,7 +29,7 @@ class Number(NamedTuple):
     guess: float
     low: float
     high: float
-    scale: float  # typical difference between two machines
+    scale: float  # typical difference between two robots
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Shooting:
     """W windows of recordings, and the parameters of a fit."""
 
     simulate: Simulate
-    numbers: tuple[Number, ...]
+    parameters: tuple[FitParameter, ...]
     measured: np.ndarray  # (W, R, c); NaN without a reading
     sigma: np.ndarray  # (c,) standard deviation of a reading, the unit of residuals
     start: np.ndarray  # (W, s) estimated
@@ -56,12 +56,12 @@ class Shooting:
     @property
     def guess(self) -> np.ndarray:
         """Initial values of the parameters, (p,)."""
-        return np.array([each.guess for each in self.numbers])
+        return np.array([each.guess for each in self.parameters])
 
     @property
     def bounds(self) -> list[np.ndarray]:
         """Bounds of the scaled parameters, (p,) each."""
-        limits = np.array([(each.low, each.high) for each in self.numbers])
+        limits = np.array([(each.low, each.high) for each in self.parameters])
         return [self.scaled(limits[:, 0]), self.scaled(limits[:, 1])]
 
     def scaled(self, numbers: np.ndarray) -> np.ndarray:
@@ -78,7 +78,7 @@ class Shooting:
 
     def _centre_and_scale(self, ndim: int) -> tuple[np.ndarray, np.ndarray]:
         shape = (-1,) + (1,) * (ndim - 1)
-        return self.guess.reshape(shape), np.array([each.scale for each in self.numbers]).reshape(shape)
+        return self.guess.reshape(shape), np.array([each.scale for each in self.parameters]).reshape(shape)
 
     def of(self, recordings: Sequence[int] | np.ndarray, excluded: np.ndarray | None = None) -> "Shooting":
         """The same fit with weight on some recordings only.
@@ -96,13 +96,13 @@ class Shooting:
 
     def with_fixed(self, name: str, value: float) -> "Shooting":
         """Return the same fit with one parameter fixed."""
-        row = [each.name for each in self.numbers].index(name)
-        simulate, rest = self.simulate, self.numbers[:row] + self.numbers[row + 1 :]
+        row = [each.name for each in self.parameters].index(name)
+        simulate, rest = self.simulate, self.parameters[:row] + self.parameters[row + 1 :]
 
         def simulate_fixed(numbers: np.ndarray, start: np.ndarray) -> np.ndarray:
             return simulate(np.insert(numbers, row, value, axis=0), start)
 
-        return replace(self, simulate=simulate_fixed, numbers=rest)
+        return replace(self, simulate=simulate_fixed, parameters=rest)
 
     @property
     def weight(self) -> np.ndarray:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.identify.leg import FixedLeg
-from footfall.identify.parameters import LEG, QUANTITIES, Parameter, values_of
+from footfall.identify.parameters import Parameter, values_of
 from footfall.identify.recording import Recording
-from footfall.identify.shooting import Number, Shooting
+from footfall.identify.shooting import FitParameter, Shooting
 from footfall.identify.simulate import simulate
 from footfall.identify.windows import cut
 
@@ -73,31 +73,30 @@ def leg_windows(
         ),
     )
     windows = cut(recording, leg.joints, window_s, float(leg.model.opt.timestep), read_hz)
-    # Parameters are relative to these, numbers are absolute.
+    # Parameters of the leg are relative to these, parameters of the fit are absolute.
     nominal_values = {"armature": nominal_leg.armature, "joint_friction": nominal_leg.motor.friction}
     guess = {"kp": 1.0, **nominal_values}
-    numbers, factors, parameters = [], [], []
+    fit_parameters, factors, leg_parameters = [], [], []
     for free in FREE:
         if free.quantity in quantities:
             for index, joint in enumerate(leg.joint_names):
                 initial = float(np.broadcast_to(guess.get(free.quantity, 0.0), leg.count)[index])
-                numbers.append(Number(f"{free.quantity} {joint}", free.unit, initial, *free[2:]))
+                fit_parameters.append(FitParameter(f"{free.quantity} {joint}", free.unit, initial, *free[2:]))
                 relative = free.quantity in nominal_values
                 factors.append(float(nominal_values[free.quantity][index]) if relative else 1.0)
-                parameters.append(Parameter(free.quantity, joint))
-    numbers.append(Number(DELAY, "s", 0.003, 0.0, 0.02, 0.003))
-    joints = leg.joint_names if QUANTITIES["delay_s"].owner_kind == "joint" else (LEG,)
-    parameters += [Parameter("delay_s", joint) for joint in joints]
+                leg_parameters.append(Parameter(free.quantity, joint))
+    fit_parameters.append(FitParameter(DELAY, "s", 0.003, 0.0, 0.02, 0.003))
+    leg_parameters += [Parameter("delay_s", joint) for joint in leg.joint_names]
 
     def predict(candidates: np.ndarray, start: np.ndarray) -> np.ndarray:
         scaled = candidates[:-1] / np.array(factors)[:, None]
-        with_delays = np.concatenate([scaled, np.repeat(candidates[-1:], len(joints), axis=0)])
-        values = values_of(nominal_leg, parameters, with_delays)
+        with_delays = np.concatenate([scaled, np.repeat(candidates[-1:], leg.count, axis=0)])
+        values = values_of(nominal_leg, leg_parameters, with_delays)
         return simulate(nominal_leg, windows, values, start.reshape(*start.shape[:2], 2, leg.count)).position
 
     return Shooting(
         predict,
-        tuple(numbers),
+        tuple(fit_parameters),
         windows.position,
         np.full(leg.count, SIGMA_RAD),
         windows.start.reshape(windows.width, -1),

@@ -10,10 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from footfall.identify.shooting import Number, Simulate
+from footfall.identify.shooting import FitParameter, Simulate
 
-Accelerate = Callable[[Mapping[str, Any], jnp.ndarray, jnp.ndarray], jnp.ndarray]
-"""Numbers by name, state (q, v) of (2 n,) and motor inputs, (u,): accelerations (n,)."""
+Acceleration = Callable[[Mapping[str, Any], jnp.ndarray, jnp.ndarray], jnp.ndarray]
+"""Parameters by name, state (q, v) of (2 n,) and motor inputs, (u,): accelerations (n,)."""
 
 MAX_RAD_S = 60.0  # clip on joint speeds, so that a bad candidate stays finite
 
@@ -34,43 +34,43 @@ def delayed(values: jnp.ndarray, delay: jnp.ndarray) -> jnp.ndarray:
 
 
 def rollouts(
-    accelerate: Accelerate,
+    acceleration: Acceleration,
     inputs: Inputs,
-    numbers: Sequence[Number],
+    parameters: Sequence[FitParameter],
     delays: Sequence[str | None] = (),
     scales: Sequence[str | None] = (),
 ) -> Simulate:
     """Semi-implicit Euler over all windows and candidates.
 
     Args:
-        accelerate: accelerations in one window of one candidate.
+        acceleration: accelerations in one window of one candidate.
         inputs: inputs of all windows.
-        numbers: the parameters of a candidate.
+        parameters: the parameters of a candidate.
         delays: name of the parameter that delays each input, s; None or absent for none.
         scales: name of the parameter that scales each input; None or absent for none.
     """
-    names = [each.name for each in numbers]
+    names = [each.name for each in parameters]
     with jax.enable_x64(True):
         values, read = jnp.asarray(inputs.values), jnp.asarray(inputs.read)
         index_before = jnp.floor(read).astype(int).clip(0, values.shape[1] - inputs.margin - 1)
         share = read - index_before
         windows = jnp.arange(values.shape[0])
 
-    def simulate_window(number: jnp.ndarray, start: jnp.ndarray, window: jnp.ndarray) -> jnp.ndarray:
-        value = dict(zip(names, number, strict=True))
+    def simulate_window(candidate: jnp.ndarray, start: jnp.ndarray, window: jnp.ndarray) -> jnp.ndarray:
+        by_name = dict(zip(names, candidate, strict=True))
         columns = []
         for column in range(values.shape[2]):
             column_values = values[window, :, column]
             delay = delays[column] if column < len(delays) else None
             scale = scales[column] if column < len(scales) else None
-            if delay in value:
-                column_values = delayed(column_values, value[delay] / inputs.step_s)
-            columns.append(column_values * value[scale] if scale in value else column_values)
+            if delay in by_name:
+                column_values = delayed(column_values, by_name[delay] / inputs.step_s)
+            columns.append(column_values * by_name[scale] if scale in by_name else column_values)
         drive = jnp.stack(columns, axis=-1)[inputs.margin :]
         n = start.shape[0] // 2
 
         def step(state: jnp.ndarray, drive: jnp.ndarray) -> tuple[jnp.ndarray, jnp.ndarray]:
-            speed = state[n:] + inputs.step_s * accelerate(value, state, drive)
+            speed = state[n:] + inputs.step_s * acceleration(by_name, state, drive)
             speed = jnp.clip(speed, -MAX_RAD_S, MAX_RAD_S)
             after = jnp.concatenate([state[:n] + inputs.step_s * speed, speed])
             return after, after[:n]
@@ -82,8 +82,8 @@ def rollouts(
 
     simulate_windows = jax.jit(jax.vmap(jax.vmap(simulate_window, (None, 0, 0)), (1, 0, None)))
 
-    def simulate(numbers: np.ndarray, start: np.ndarray) -> np.ndarray:
+    def simulate(candidates: np.ndarray, start: np.ndarray) -> np.ndarray:
         with jax.enable_x64(True):
-            return np.asarray(simulate_windows(jnp.asarray(numbers), jnp.asarray(start), windows))
+            return np.asarray(simulate_windows(jnp.asarray(candidates), jnp.asarray(start), windows))
 
     return simulate

@@ -10,16 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from footfall.common.errors import UserError
-from footfall.identify.shooting import Number, Shooting
-from recordings.rollout import Accelerate, Inputs, rollouts
+from footfall.identify.shooting import FitParameter, Shooting
+from recordings.rollout import Acceleration, Inputs, rollouts
 from recordings.servo_pendulum import (
     LAW,
-    NUMBERS,
+    PARAMETERS,
     PLAIN,
     STEP_S,
-    accelerate,
-    accelerate_both_sides,
-    accelerate_makers,
+    acceleration,
+    acceleration_both_sides,
+    acceleration_published,
 )
 
 MARGIN_S, READ_HZ = 0.04, 100.0
@@ -65,10 +65,10 @@ SERVOS = {
     ),
     "sts3250": Servo(0.166, False, STS3250, {}),
 }
-MODELS: dict[str, tuple[tuple[str, ...], Accelerate]] = {
-    "Coulomb and viscous": (PLAIN, accelerate),
-    "joint law": (LAW, accelerate),
-    "joint law, load of both sides": (LAW, accelerate_both_sides),
+MODELS: dict[str, tuple[tuple[str, ...], Acceleration]] = {
+    "Coulomb and viscous": (PLAIN, acceleration),
+    "joint law": (LAW, acceleration),
+    "joint law, load of both sides": (LAW, acceleration_both_sides),
 }
 
 
@@ -79,7 +79,7 @@ class Log(NamedTuple):
     gain: float
     time_s: np.ndarray  # (T,)
     position: np.ndarray  # (T,) rad
-    inputs: np.ndarray  # (T, 6) inputs of `accelerate`
+    inputs: np.ndarray  # (T, 6) inputs of `acceleration`
 
 
 @functools.cache
@@ -119,22 +119,24 @@ def problem(folder: str, servo: str, model: str, window_s: float = 1.0) -> Shoot
     """All windows of all recordings; a goal applies until the next one."""
     names, law = MODELS[model]
     guess = SERVOS[servo].guess
-    numbers = tuple(
-        each._replace(guess=guess.get(each.name, each.guess)) for each in NUMBERS if each.name in names
+    parameters = tuple(
+        each._replace(guess=guess.get(each.name, each.guess)) for each in PARAMETERS if each.name in names
     )
-    return _windows(logs(folder, servo), numbers, law, window_s)
+    return _windows(logs(folder, servo), parameters, law, window_s)
 
 
 @functools.cache
 def makers_problem(folder: str, servo: str, window_s: float = 1.0) -> Shooting:
     """The same windows with the published law, starting at its published set M1."""
-    numbers = tuple(Number(name, "", value, -1e3, 1e3, 1.0) for name, value in M1.items())
+    parameters = tuple(FitParameter(name, "", value, -1e3, 1e3, 1.0) for name, value in M1.items())
     other_names = ("kt", "resistance", "armature", "coulomb", "viscous", "offset")
-    numbers += tuple(Number(name, "", 0.0, -1e3, 1e3, 1.0) for name in other_names)
-    return _windows(logs(folder, servo), numbers, accelerate_makers, window_s)
+    parameters += tuple(FitParameter(name, "", 0.0, -1e3, 1e3, 1.0) for name in other_names)
+    return _windows(logs(folder, servo), parameters, acceleration_published, window_s)
 
 
-def _windows(found: Sequence[Log], numbers: tuple[Number, ...], law: Accelerate, window_s: float) -> Shooting:
+def _windows(
+    found: Sequence[Log], parameters: tuple[FitParameter, ...], law: Acceleration, window_s: float
+) -> Shooting:
     margin, steps = round(MARGIN_S / STEP_S), round(window_s / STEP_S)
     input_values, read_at, measured, starts, recording = [], [], [], [], []
     for index, log in enumerate(found):
@@ -156,8 +158,8 @@ def _windows(found: Sequence[Log], numbers: tuple[Number, ...], law: Accelerate,
             recording.append(index)
     inputs = Inputs(np.stack(input_values), margin, STEP_S, np.array(read_at))
     return Shooting(
-        rollouts(law, inputs, numbers, ("delay", "delay")),
-        numbers,
+        rollouts(law, inputs, parameters, ("delay", "delay")),
+        parameters,
         np.array(measured),
         np.array([SIGMA_RAD]),
         np.array(starts),

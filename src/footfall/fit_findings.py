@@ -68,7 +68,7 @@ def _leg_figures(fit: LegFit) -> dict[str, Any]:
                 "value": each.value,
                 "low": each.low,
                 "high": each.high,
-                "unit": each.parameter.kind.unit,
+                "unit": each.parameter.declaration.unit,
             }
             for each in fit.estimates
         ],

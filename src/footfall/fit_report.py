@@ -58,8 +58,8 @@ def _part(fit: LegFit) -> "LegPart":
             each.value,
             each.low,
             each.high,
-            each.parameter.kind.nominal,
-            each.parameter.kind.unit or "x nominal",
+            each.parameter.declaration.nominal,
+            each.parameter.declaration.unit or "x nominal",
         )
         for each in fit.estimates
     ]

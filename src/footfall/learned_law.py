@@ -115,7 +115,7 @@ def _trained(
 
     def of_joints(quantity: str) -> np.ndarray:
         parameters = [Parameter(quantity, joint) for joint in leg.joint_names]
-        return np.array([fitted.get(each, each.kind.nominal) for each in parameters])
+        return np.array([fitted.get(each, each.declaration.nominal) for each in parameters])
 
     bias, delay_s = of_joints("encoder_bias"), of_joints("delay_s")
     fit_config = FitConfig()

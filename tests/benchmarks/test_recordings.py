@@ -39,7 +39,7 @@ def made_up(path: Path, seed: int) -> None:
     late[:, 0] = torque[:, 0]
 
     def step(state: jnp.ndarray, drive: jnp.ndarray) -> tuple[jnp.ndarray, jnp.ndarray]:
-        speed = state[2:] + STEP_S * double_pendulum.accelerate(SWINGS, state, drive)
+        speed = state[2:] + STEP_S * double_pendulum.acceleration(SWINGS, state, drive)
         after = jnp.concatenate([state[:2] + STEP_S * speed, speed])
         return after, state[:2]
 
@@ -85,7 +85,7 @@ def made_up_servo(path: Path, gain: float, hz: float) -> None:
     )
 
     def step(state: jnp.ndarray, given: jnp.ndarray) -> tuple[jnp.ndarray, jnp.ndarray]:
-        speed = state[1] + STEP_S * servo_pendulum.accelerate(TURNS, state, given)[0]
+        speed = state[1] + STEP_S * servo_pendulum.acceleration(TURNS, state, given)[0]
         return jnp.stack([state[0] + STEP_S * speed, speed]), state[0]
 
     _, position = jax.lax.scan(step, jnp.zeros(2), jnp.asarray(given))
@@ -103,7 +103,7 @@ def test_a_made_up_servo_is_found_and_gains_are_held_out(tmp_path: Path) -> None
     folder = str(tmp_path)
     assert servo_logs.folds(folder, "xl330") == [("kp 200", [0]), ("kp 800", [1, 2])]
     windows = servo_logs.problem(folder, "xl330", "joint law")
-    numbers = dict(zip((each.name for each in windows.numbers), windows.fit(rounds=2), strict=True))
+    numbers = dict(zip((each.name for each in windows.parameters), windows.fit(rounds=2), strict=True))
     assert numbers["kt"] == pytest.approx(0.4, rel=0.05)
     assert numbers["duty_resistance"] == pytest.approx(0.4, abs=0.1)
     assert numbers["offset"] == pytest.approx(0.02, abs=0.005)

@@ -108,7 +108,7 @@ def test_a_net_is_added_to_a_proposal_and_judged(fit: LegFit, recording: Recordi
 def test_a_solver_that_rounds_a_bound_to_just_beyond_it_finds_a_prediction(recording: Recording) -> None:
     """A delay of -1e-18 s would need a command that has not been sent yet."""
     problem = problem_of(LEG, [recording], FitConfig())
-    at = problem.scaled(np.array([each.kind.nominal for each in problem.parameters]))
+    at = problem.scaled(np.array([each.declaration.nominal for each in problem.parameters]))
     delays = [each.quantity == "delay_s" for each in problem.parameters]
     at[delays] = problem.low[delays]
     below = np.where(delays, np.nextafter(at, -np.inf), at)
@@ -140,7 +140,7 @@ def test_torque_readings_that_contradict_the_motion_are_noticed(
     read = replace(recording, torque=recording.torque * np.where(np.arange(N) == 2, factor, 1.0))
     problem = problem_of(LEG, [read], FitConfig())
     truth = {name: float(np.mean(value)) for name, value in TRUTH.items()} | {"delay_s": 0.0057}
-    values = [truth.get(each.quantity, each.kind.nominal) for each in problem.parameters]
+    values = [truth.get(each.quantity, each.declaration.nominal) for each in problem.parameters]
     at, noise = problem.scaled(np.array(values)), problem.torque_sigma
     problem.refine_starts(at)
     assert (torque_error(problem, at, noise) > TORQUE_SHARE).tolist() == [False, False, wrong]

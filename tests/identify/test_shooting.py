@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from footfall.identify.shooting import Number, Shooting
+from footfall.identify.shooting import FitParameter, Shooting
 
 TRUTH = np.array([7.0, 0.8])  # rad/s; share of the velocity that decays in a second
-NUMBERS = (Number("speed", "rad/s", 6.0, 1.0, 20.0, 0.5), Number("decay", "1/s", 0.2, 0.0, 5.0, 0.2))
+PARAMETERS = (
+    FitParameter("speed", "rad/s", 6.0, 1.0, 20.0, 0.5),
+    FitParameter("decay", "1/s", 0.2, 0.0, 5.0, 0.2),
+)
 TIMES = np.linspace(0.0, 0.5, 30)
 
 
@@ -28,7 +31,7 @@ def recorded() -> Shooting:
     measured = measured + 0.001 * rng.normal(size=measured.shape)
     return Shooting(
         oscillate,
-        NUMBERS,
+        PARAMETERS,
         measured,
         np.array([0.001]),
         start + rng.normal(size=start.shape) * (0.003, 0.3),
@@ -59,7 +62,7 @@ def test_recordings_have_equal_weight_and_held_out_windows_none() -> None:
 
 def test_a_fixed_parameter_stays() -> None:
     fixed = recorded().with_fixed("speed", 7.0)
-    assert [each.name for each in fixed.numbers] == ["decay"]
+    assert [each.name for each in fixed.parameters] == ["decay"]
     assert fixed.fit() == pytest.approx(TRUTH[1:], rel=0.05)
     residual, slope = fixed.slopes(fixed.fit())
     assert slope.shape == (12, residual.shape[1], 1)
