@@ -98,7 +98,7 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):  # of NumPy, which this module does not import: every verb imports it
+    if hasattr(value, "tolist"):  # a NumPy array; this module is imported by every verb, and NumPy is not
         return _plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):
         return None

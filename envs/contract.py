@@ -23,7 +23,7 @@ def make_contract(robot: Robot, config: EnvConfig) -> Contract:
         digest=robot.digest,
         joints=robot.joint_names,
         control_rate_hz=config.control_rate_hz,
-        observation=tuple(map(_in_full, terms, sources)),
+        observation=tuple(map(_with_defaults, terms, sources)),
         default_pose_rad=tuple(robot.default_pose.tolist()),
         action_scale_rad=tuple((config.action_scale * robot.action_scale).tolist()),
         kp=tuple(robot.kp.tolist()),
@@ -34,6 +34,6 @@ def make_contract(robot: Robot, config: EnvConfig) -> Contract:
     )
 
 
-def _in_full(term: Term, source: object) -> Term:
+def _with_defaults(term: Term, source: object) -> Term:
     """A term with all parameters written out, if its source is a dataclass: defaults may change later."""
     return replace(term, settings=unstructure(source)) if is_dataclass(source) else term

@@ -7,8 +7,8 @@ from contextlib import contextmanager, suppress
 
 from footfall.common.errors import UserError
 
-WAIT_S = 0.2
-JOIN_S = 1.0
+WAIT_S = 0.2  # for a datagram, until the thread looks whether the context has ended
+JOIN_S = 1.0  # for the thread's end
 
 
 @contextmanager
@@ -19,7 +19,7 @@ def answered_datagrams(
 
     Args:
         address: host and port to listen on; port 0 chooses a free one.
-        max_bytes: maximum size of a datagram, bytes. A longer one is cut to one byte more.
+        max_bytes: maximum size of a datagram, bytes. A longer one is truncated to `max_bytes` + 1.
         answer: returns the reply to a datagram; empty for none.
         option: name of the command-line option, for the message.
 

@@ -43,27 +43,27 @@ class GroundTruth:
     ) -> None:
         """`layout` has the indices of joints and base; `height_m` is the base's height when standing."""
         self._model, self._data, self._engine = plant.model, data, engine
-        self._position, self._velocity, self._geom_position = data.qpos, data.qvel, data.geom_xpos
+        self._qpos, self._qvel, self._geom_position = data.qpos, data.qvel, data.geom_xpos
         self._geoms_of_foot = [geoms.tolist() for geoms in plant.feet]
-        self._qpos, self._qvel = layout.qpos, layout.qvel
-        self._free_qpos, self._free_qvel = layout.base_qpos, layout.base_qvel
-        self._feet = plant.foot_geoms
+        self._joint_qpos, self._joint_qvel = layout.qpos, layout.qvel  # indices
+        self._base_qpos, self._base_qvel = layout.base_qpos, layout.base_qvel  # first index of each
+        self._foot_geoms = plant.foot_geoms
         self._foot_of_geom: list[int | None] = [None] * plant.model.ngeom
         for foot, geoms in enumerate(plant.feet):
             for geom in geoms.tolist():
                 self._foot_of_geom[geom] = foot
-        self._single = all(len(geoms) == 1 for geoms in plant.feet)  # whether each foot has one geom
+        self._one_geom_per_foot = all(len(geoms) == 1 for geoms in plant.feet)
         self._body_of_geom = plant.model.geom_bodyid.tolist()
         self._leg_of_geom = plant.leg_of_body[plant.model.geom_bodyid].tolist()
         self._base_and_world = (plant.base, WORLD), (WORLD, plant.base)
-        self._unknown = np.full((len(plant.feet), 3), np.nan)  # for feet missing in the plant
-        self._twists = np.zeros((len(self._feet), 6))  # angular and linear velocity of each foot geom
+        self._unknown_positions = np.full((len(plant.feet), 3), np.nan)  # for feet missing in the plant
+        self._twists = np.zeros((len(self._foot_geoms), 6))  # angular and linear velocity of each foot geom
         self._twist_of = list(self._twists)
-        self._lowest_height = COLLAPSED_SHARE * height_m
+        self._min_height_m = COLLAPSED_SHARE * height_m
 
     def truth(self, motor_torque: np.ndarray) -> Truth:
         """The current state, with the motor torque (n,) of the last physics step."""
-        qpos, qvel, first_qpos, first_qvel = self._position, self._velocity, self._free_qpos, self._free_qvel
+        qpos, qvel, first_qpos, first_qvel = self._qpos, self._qvel, self._base_qpos, self._base_qvel
         quaternion = qpos[first_qpos + 3 : first_qpos + 7].copy()
         position, velocity = self._foot_motion()
         contact, force, legs_touch = self._contacts()
@@ -72,8 +72,8 @@ class GroundTruth:
             base_quaternion=quaternion,
             base_velocity=rotate_to_body(quaternion, qvel[first_qvel : first_qvel + 3]),
             base_angular_velocity=qvel[first_qvel + 3 : first_qvel + 6].copy(),
-            joint_position=qpos[self._qpos].copy(),
-            joint_velocity=qvel[self._qvel].copy(),
+            joint_position=qpos[self._joint_qpos].copy(),
+            joint_velocity=qvel[self._joint_qvel].copy(),
             motor_torque=motor_torque.copy(),
             foot_position=position,
             foot_velocity=velocity,
@@ -89,25 +89,25 @@ class GroundTruth:
 
     def fall(self) -> str | None:
         """Reason why the robot counts as fallen; None if it has not fallen."""
-        qpos, first_qpos = self._position, self._free_qpos
+        qpos, first_qpos = self._qpos, self._base_qpos
         if tilt(qpos[first_qpos + 3 : first_qpos + 7]) > FALLEN_TILT:
             return "the base tilted past 70 degrees"
         for first, second in self._engine.touching():
             if (self._body_of_geom[first], self._body_of_geom[second]) in self._base_and_world:
                 return "the base touched the ground"
-        ground = min(self._geom_position[self._feet, 2].tolist()) if len(self._feet) else 0.0
-        if qpos[first_qpos + 2] - ground < self._lowest_height:
+        ground = min(self._geom_position[self._foot_geoms, 2].tolist()) if len(self._foot_geoms) else 0.0
+        if qpos[first_qpos + 2] - ground < self._min_height_m:
             return "the base sank to the height of the feet"
         return None
 
     def _foot_motion(self) -> tuple[np.ndarray, np.ndarray]:
         """Position m and velocity m/s of each foot, world frame, (feet, 3) each: means over its geoms."""
-        for geom, twist in zip(self._feet, self._twist_of, strict=True):
+        for geom, twist in zip(self._foot_geoms, self._twist_of, strict=True):
             mujoco.mj_objectVelocity(self._model, self._data, GEOM, geom, twist, 0)
-        positions, velocities = self._geom_position[self._feet], self._twists[:, 3:]
-        if self._single:  # a mean takes ten times as long
+        positions, velocities = self._geom_position[self._foot_geoms], self._twists[:, 3:]
+        if self._one_geom_per_foot:  # a mean takes ten times as long
             return positions, velocities.copy()
-        position, velocity = self._unknown.copy(), self._unknown.copy()
+        position, velocity = self._unknown_positions.copy(), self._unknown_positions.copy()
         first = 0
         for foot, geoms in enumerate(self._geoms_of_foot):
             rows = slice(first, first := first + len(geoms))
@@ -117,7 +117,7 @@ class GroundTruth:
 
     def _contacts(self) -> tuple[np.ndarray, np.ndarray, bool]:
         """Contact and normal force, N, of each foot, (feet,) each; and `Truth.legs_touch`."""
-        forces, legs_touch = [0.0] * len(self._unknown), False
+        forces, legs_touch = [0.0] * len(self._unknown_positions), False
         leg_of, foot_of = self._leg_of_geom, self._foot_of_geom
         for index, (first, second) in enumerate(self._engine.touching()):
             between_legs = leg_of[first] != leg_of[second] and NO_LEG not in (leg_of[first], leg_of[second])

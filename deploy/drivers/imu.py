@@ -98,9 +98,9 @@ class ImuReader:
     def __init__(self, channel: int) -> None:
         """`channel` is the index of the IMU's bus."""
         self._channel = channel
-        three = np.ones(len(IDS), np.intp)
+        ones = np.ones(len(IDS), np.intp)
         self._reading_layout = layout_of(
-            Frames(channel * three, np.array(IDS), np.zeros((3, 8), np.uint8), 8 * three)
+            Frames(channel * ones, np.array(IDS), np.zeros((3, 8), np.uint8), 8 * ones)
         )
         self._gyro_samples, self._acceleration_samples = SampleCounter(), SampleCounter()
         self._arrived_us: list[int | None] = [None, None, None]  # of each part, in the order of `IDS`

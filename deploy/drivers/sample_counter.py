@@ -16,7 +16,7 @@ class SampleCounter:
         self.older = 0  # older samples so far, plus the samples by which the counter went back
 
     def is_new(self, counter: int) -> bool | None:
-        """Whether a sample is new; None if it is ignored."""
+        """True for a new sample, False for the latest one repeated, None for one to ignore."""
         step = 1 if self._latest < 0 else (counter - self._latest) % COUNTER_VALUES
         if step == 0:
             return False

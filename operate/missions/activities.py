@@ -8,7 +8,14 @@ import numpy as np
 
 from footfall.deploy.command_source import NO_SETTINGS, ZERO_COMMAND, Behaviour, Pose, Request
 from footfall.operate.abilities import Limits
-from footfall.operate.missions.follow import Tracking, along, arrived, distance, nearest, towards
+from footfall.operate.missions.follow import (
+    Tracking,
+    arrived,
+    command_along,
+    command_towards,
+    distance,
+    nearest,
+)
 from footfall.operate.missions.path import Path
 
 TAKE_OVER_TIMEOUT_S = 10.0  # maximum time for a policy to take over, or to start a jump
@@ -82,7 +89,7 @@ class Reach:
         error_m = distance(self.goal, now.pose)
         done = arrived(self.goal, now.pose, self.tracking)
         turn_s = abs(self.goal.yaw_rad - now.pose.yaw_rad) / self.limits.yaw_rad_s
-        velocity = ZERO_COMMAND if done else towards(self.goal, now.pose, self.limits, self.tracking)
+        velocity = ZERO_COMMAND if done else command_towards(self.goal, now.pose, self.limits, self.tracking)
         failure = _off_path(error_m, self.tracking)
         return Output(Request(velocity), turn_s + error_m, done, error_m, failure)
 
@@ -103,7 +110,7 @@ class Follow:
             return Reach(path.end, self.limits, self.tracking).act(now)
         turn_s = abs(float(path.heading[self._index]) - now.pose.yaw_rad) / self.limits.yaw_rad_s
         remaining_s = float(path.remaining_s[self._index]) + turn_s
-        velocity = along(path, self._index, now.pose, self.limits, self.tracking)
+        velocity = command_along(path, self._index, now.pose, self.limits, self.tracking)
         return Output(
             Request(velocity), remaining_s, error_m=error_m, failure=_off_path(error_m, self.tracking)
         )

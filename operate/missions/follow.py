@@ -22,7 +22,7 @@ SEARCH_SAMPLES = round(0.3 / SPACING_M)  # number of samples ahead among which t
 
 @dataclass(frozen=True)
 class Tracking:
-    """Accuracy of following."""
+    """Gains and tolerances of following, and when to give up."""
 
     position_gain: float = 1.0  # m/s per metre of error
     heading_gain: float = 1.5  # rad/s per radian of error
@@ -47,26 +47,27 @@ def nearest(path: Path, pose: Pose, begin: int) -> tuple[int, float]:
     return begin + index, math.sqrt(squared_distances[index])
 
 
-def along(path: Path, index: int, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
+def command_along(path: Path, index: int, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
     """The command (3,) for following a path whose nearest sample is `index`."""
     speed, heading = float(path.speed[index]), float(path.heading[index])
-    look_ahead = index + round(
-        speed / tracking.heading_gain / SPACING_M
-    )  # avoids an error of heading in a bend
-    turn = float(path.heading[min(look_ahead, len(path.heading) - 1)]) - pose.yaw_rad
-    speed *= max(0.0, math.cos(turn)) ** 2  # turn first, then walk
+    # Without looking ahead, the heading would lag in a bend.
+    look_ahead = index + round(speed / tracking.heading_gain / SPACING_M)
+    turn_rad = float(path.heading[min(look_ahead, len(path.heading) - 1)]) - pose.yaw_rad
+    speed *= max(0.0, math.cos(turn_rad)) ** 2  # turn first, then walk
     x, y = path.points[index].tolist()
     gain = tracking.position_gain
     x_m_s = speed * math.cos(heading) + gain * (x - pose.x_m)
     y_m_s = speed * math.sin(heading) + gain * (y - pose.y_m)
-    return command(x_m_s, y_m_s, tracking.heading_gain * turn, pose, limits)
+    return command_of_velocity(x_m_s, y_m_s, tracking.heading_gain * turn_rad, pose, limits)
 
 
-def towards(goal: Pose, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
+def command_towards(goal: Pose, pose: Pose, limits: Limits, tracking: Tracking) -> np.ndarray:
     """The command (3,) for going straight to a pose while turning."""
     gain = tracking.position_gain
-    turn = tracking.heading_gain * (goal.yaw_rad - pose.yaw_rad)
-    return command(gain * (goal.x_m - pose.x_m), gain * (goal.y_m - pose.y_m), turn, pose, limits)
+    yaw_rad_s = tracking.heading_gain * (goal.yaw_rad - pose.yaw_rad)
+    return command_of_velocity(
+        gain * (goal.x_m - pose.x_m), gain * (goal.y_m - pose.y_m), yaw_rad_s, pose, limits
+    )
 
 
 def distance(first: Pose, second: Pose) -> float:
@@ -76,11 +77,13 @@ def distance(first: Pose, second: Pose) -> float:
 
 def arrived(goal: Pose, pose: Pose, tracking: Tracking) -> bool:
     """Whether a pose has been reached."""
-    turn = abs(goal.yaw_rad - pose.yaw_rad)
-    return distance(goal, pose) <= tracking.tolerance_m and turn <= math.radians(tracking.tolerance_deg)
+    turn_rad = abs(goal.yaw_rad - pose.yaw_rad)
+    return distance(goal, pose) <= tracking.tolerance_m and turn_rad <= math.radians(tracking.tolerance_deg)
 
 
-def command(x_m_s: float, y_m_s: float, yaw_rad_s: float, pose: Pose, limits: Limits) -> np.ndarray:
+def command_of_velocity(
+    x_m_s: float, y_m_s: float, yaw_rad_s: float, pose: Pose, limits: Limits
+) -> np.ndarray:
     """Convert a velocity to a command (3,) in the body frame, within a policy's limits.
 
     Clipping the speed keeps the direction. A command with a smaller norm than the limits' is scaled up to it.

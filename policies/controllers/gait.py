@@ -10,7 +10,7 @@ from footfall.common.config import require_not_negative, require_positive
 from footfall.policies.gaits import find_gait, require_duty
 from footfall.robots.description import Robot
 
-_START_PHASES = np.arange(48) / 48  # phases from which `take_up` chooses
+_START_PHASES = np.arange(48) / 48  # phases from which `change_gait` chooses
 
 
 @dataclass(frozen=True)
@@ -143,7 +143,7 @@ class StepClock:
         self._waited_s = 0.0  # since the command to walk, while all feet stay down
         self._cached = self.phase, leg_phases(self.phase, self.offsets)
 
-    def take_up(self, timing: GaitTiming, offsets: np.ndarray) -> None:
+    def change_gait(self, timing: GaitTiming, offsets: np.ndarray) -> None:
         """Change the gait while all feet stand. The clock starts where the swings have progressed least."""
         self.timing, self.offsets = timing, offsets
         phases = leg_phases(_START_PHASES[:, None], offsets)

@@ -29,7 +29,7 @@ def save(folder: Path, iteration: int, state: Any, observations: Any) -> Path:
         CannotWriteError: the disk is full or the folder cannot be written; the newest older checkpoint
             stays.
     """
-    from flax import serialization  # a long import, which begins after compiled programs are being read
+    from flax import serialization  # takes long: imported while another thread reads compiled programs
 
     content = serialization.to_bytes(jax.device_get({"state": state, "observations": observations}))
     return write(folder, iteration, content)

@@ -132,7 +132,7 @@ def kernel_source(substep: Substep, steps: int, robots: int, block: int, blocks:
         f"const bool idle = thread % {lanes} >= {substep.limbs}, beyond = thread >= {robots * lanes};",
         f"const int robot = beyond ? {robots - 1} : thread / {lanes}, limb = idle ? 0 : thread % {lanes};",
         *(f"float {name} = {element(*key, False)};" for key, name in state.items()),
-        *(line for node in plan.before_loop for line in lines(node)),
+        *(line for node in plan.before_steps for line in lines(node)),
         "#pragma unroll 1",
         f"for (int step = 0; step < {steps}; step++) {{",
         *(line for node in plan.step for line in lines(node)),

@@ -15,7 +15,7 @@ Scalar = Any  # an Expression or a float
 Operand = Any  # an Expression, a float, or a part of an input's name
 
 
-Body = Callable[[list[Scalar]], tuple[list[Scalar], Scalar]]
+LoopBody = Callable[[list[Scalar]], tuple[list[Scalar], Scalar]]
 
 
 class Graph:
@@ -41,11 +41,11 @@ class Graph:
         elements[:] = [self.input(array, index) for index in range(elements.size)]
         return elements.reshape(shape)
 
-    def repeat(self, max_repetitions: int, start: list[Scalar], body: "Body") -> list[Scalar]:
+    def repeat(self, max_repetitions: int, start: list[Scalar], body: LoopBody) -> list[Scalar]:
         """The values after repeating `body`, from `start`.
 
         Args:
-            max_repetitions: upper limit, whatever the flag.
+            max_repetitions: the loop ends after this number, even if the flag is true.
             start: the initial values.
             body: returns the next values, and a flag that is true to continue.
         """
@@ -163,7 +163,7 @@ def _function(name: str, of_a_constant: Callable[[float], float]) -> Callable[[S
 
 sqrt = _function("sqrt", math.sqrt)
 absolute = _function("abs", abs)
-nearest = _function("round", round)
+round_to_integer = _function("round", round)
 sin = _function("sin", math.sin)
 cos = _function("cos", math.cos)
 
@@ -234,8 +234,8 @@ class Loop(NamedTuple):
 class Schedule(NamedTuple):
     """The nodes of a program in the order in which they were recorded: operands first."""
 
-    before_loop: list[Expression]  # nodes that depend on fixed inputs alone
-    step: list[Expression]
+    before_steps: list[Expression]  # nodes that depend on fixed inputs alone: computed once
+    step: list[Expression]  # computed in each physics step
     loops: dict[Expression, Loop]  # whose bodies are in neither list
 
 
@@ -253,7 +253,7 @@ def schedule(outputs: Iterable[Scalar], fixed_inputs: Collection[str]) -> Schedu
         if node.number not in needed:
             needed[node.number] = node
             waiting.extend(operand for operand in node.operands if isinstance(operand, Expression))
-    before_loop, step, loops = [], [], {}
+    before_steps, step, loops = [], [], {}
     bodies: dict[Expression, int] = {}  # nodes in a loop's body, with its serial number
     changing: set[Expression] = set()
     for _, node in sorted(needed.items()):
@@ -273,8 +273,8 @@ def schedule(outputs: Iterable[Scalar], fixed_inputs: Collection[str]) -> Schedu
             step.append(node)
             changing.add(node)
         else:
-            before_loop.append(node)
-    return Schedule(before_loop, step, loops)
+            before_steps.append(node)
+    return Schedule(before_steps, step, loops)
 
 
 def _loop(node: Expression, bodies: dict[Expression, int]) -> Loop:

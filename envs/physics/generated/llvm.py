@@ -124,7 +124,7 @@ class _Writer:
         for name, width in self._substep.state.items():
             for index in range(width):
                 self._store(name, index, self._gather(f'%"rows.{name}"', index))
-        for node in self._plan.before_loop:
+        for node in self._plan.before_steps:
             self._node(node)
 
     def _physics_step(self) -> None:

@@ -43,7 +43,7 @@ def generated_physics(model: mujoco.MjModel, robot: Robot) -> Physics:
     ) -> Callable[[], Substep]:
         write = substep_by_threads if jax.default_backend() == "gpu" else substep
         built = write(model, robot, dict(shapes), SINGLE, effects)
-        return lambda: built
+        return lambda: built  # the back ends keep compiled programs by function: a `Substep` has no hash
 
     def simulate(motion: Motion, drive: Drive, fields: Fields) -> tuple[Motion, Trace]:
         return _batched(step_of, ())(motion, drive, fields)
@@ -59,7 +59,7 @@ def _batched(step_of: Callable[..., Callable[[], Substep]], lead: tuple[int, ...
         return _control_step(step_of, lead, motion, drive, fields)
 
     @simulate.def_vmap
-    def _all(size: int, batched: Any, *operands: Any) -> tuple[Any, Any]:
+    def _add_axis(size: int, batched: Any, *operands: Any) -> tuple[Any, Any]:
         def with_axis(x: jax.Array, is_batched: bool) -> jax.Array:
             return x if is_batched else jnp.broadcast_to(jnp.asarray(x)[None], (size, *jnp.shape(x)))
 
@@ -78,6 +78,7 @@ def _control_step(
 ) -> tuple[Motion, Trace]:
     axes, robots = len(lead), int(np.prod(lead, dtype=int))
     motor = {name: value for name, value in drive.motor._asdict().items() if value is not None}
+    # Fields with a default are effects that a motor may lack: only those that it has are computed.
     effects = tuple(name for name in motor if name in Motor._field_defaults)
     shapes = tuple((name, jnp.shape(value)[axes:]) for name, value in sorted(fields.items()))
     substep_of = step_of(shapes, effects)

@@ -10,7 +10,7 @@ import numpy as np
 from footfall.envs.physics.generated.algebra import rotation_matrix, turned_about, vector
 from footfall.envs.physics.generated.contacts import Geometry, LinkPose
 from footfall.envs.physics.generated.dynamics import Inertia, body_inertia, dynamics
-from footfall.envs.physics.generated.expression import Graph, Scalar, cos, nearest, sin, sqrt
+from footfall.envs.physics.generated.expression import Graph, Scalar, cos, round_to_integer, sin, sqrt
 from footfall.envs.physics.generated.geom_pairs import PLANE
 from footfall.envs.physics.generated.limbs import Part, whole_robot
 from footfall.envs.physics.generated.rows import contact_rows, geom_friction, limit_rows
@@ -278,7 +278,7 @@ def single_sin_cos(angle: Scalar) -> tuple[Scalar, Scalar]:
 
     Power series of a quarter of the angle; the angle is doubled twice.
     """
-    turns = nearest(angle * (0.5 / math.pi))
+    turns = round_to_integer(angle * (0.5 / math.pi))
     x = (angle - 2.0 * math.pi * turns) * 0.25
     square = x * x
     sine = x * _series(square, (1.0, -1 / 6, 1 / 120, -1 / 5040, 1 / 362880))

@@ -153,7 +153,7 @@ class Mpc:
 
     def take_up(self, gait: str) -> None:
         """See `Steerable`. Feet in the air land first."""
-        self._live.gait = gait
+        self._live.next_gait = gait
 
     def act(self, inputs: PolicyInput) -> JointCommand:
         dt_s = 1.0 / self.rate_hz
@@ -253,9 +253,9 @@ class Mpc:
         disturbed = self._disturbance.active(base, walking, offset_m, dt_s)
         walk = self.command.requests_walk(inputs.command) or disturbed
         self._live.advance(self.clock, self.reference, self.swing_feet, dt_s)
-        if self._live.gait and not self.clock.walking:
-            self._live.take_up(self.clock)
-        self.clock.advance(dt_s, settled and walk and not self._live.gait)
+        if self._live.next_gait and not self.clock.walking:
+            self._live.change_gait(self.clock)
+        self.clock.advance(dt_s, settled and walk and not self._live.next_gait)
 
     def _plan(self, base: Base, feet: np.ndarray, leg_rotation: np.ndarray) -> None:
         """Solve for the feet's forces; if that fails, keep the previous forces of the feet in stance."""

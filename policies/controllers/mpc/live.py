@@ -45,7 +45,7 @@ class LiveMpc:
         self._values = {name: span.default for name, span in self.spans.items()}
         self._requested = dict(self._values)
         self._changing = False
-        self.gait = ""  # gait to change to once all feet stand; empty for none
+        self.next_gait = ""  # gait to change to once all feet stand; empty for none
         self._gait_name = self._config.gait.name
 
     @property
@@ -71,8 +71,8 @@ class LiveMpc:
         reference.requested_height, feet.height_m = values["body_height_m"], values["step_height_m"]
         reference.attitude = np.array([values["roll_rad"], values["pitch_rad"]])
 
-    def take_up(self, clock: StepClock) -> None:
-        """Change to the requested gait; all feet stand."""
-        new = GaitConfig(self.gait, clock.timing.period_s).clock(self._robot)
-        clock.take_up(new.timing, new.offsets)
-        self._gait_name, self.gait = self.gait, ""
+    def change_gait(self, clock: StepClock) -> None:
+        """Change to the next gait, while all feet stand."""
+        new = GaitConfig(self.next_gait, clock.timing.period_s).clock(self._robot)
+        clock.change_gait(new.timing, new.offsets)
+        self._gait_name, self.next_gait = self.next_gait, ""

@@ -53,7 +53,7 @@ class LevellingConfig:
 
 @dataclass(frozen=True)
 class HeadingConfig:
-    """Correction of the heading, which integrates the commanded yaw rate, by the IMU."""
+    """Correction of the heading by the IMU. The desired heading is the integral of the commanded yaw rate."""
 
     gain: float  # 1/s, correction per heading error; 0 disables it
     max_rad: float  # clamp of the heading error: a larger turn, by a push, is not corrected

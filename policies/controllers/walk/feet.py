@@ -74,7 +74,7 @@ class FootCycle:
         return np.array([foot.swings for foot in self.each_foot])
 
     @property
-    def flies(self) -> bool:
+    def any_in_swing(self) -> bool:
         """Whether any foot is in swing."""
         return any(foot.swings for foot in self.each_foot)
 

@@ -56,7 +56,7 @@ class Stepping:
         self.active = False  # whether feet step, or are about to
 
     def change_step(self, step: StrideConfig) -> None:
-        """Set other steps."""
+        """Change the dimensions of the steps."""
         if step != self._settings.step:
             self._settings.step = step
             self._pacing.invalidate()
@@ -107,7 +107,7 @@ class Stepping:
         ready = self.active or self._sway.distance(plan.body) < _MAX_SWAY_ERROR_M
         shaped.advance(desired if ready else np.zeros(3), self._command_step_s(dt_s))
         walk = shaped.requests_walk(desired)
-        if settings.changes_gait and not cycle.flies:
+        if settings.changes_gait and not cycle.any_in_swing:
             self._change_gait()
         if cycle.timing.period_s != settings.gait.period_s:
             self._approach_period(dt_s)
@@ -116,7 +116,7 @@ class Stepping:
         lift_off = [not gait_changes and (walk or is_far) for is_far in far]
         if walk:
             self._pacing.set_tempo(shaped.value.tolist() == desired.tolist(), dt_s)
-        walks = walk or cycle.flies or any(lift_off)
+        walks = walk or cycle.any_in_swing or any(lift_off)
         gait_step_s = self._pacing.tempo * dt_s
         self._sway.approach(plan.body if walks else _NO_SWAY, gait_step_s / cycle.timing.period_s)
         self.active = ready and (walks or self._sway.distance(_NO_SWAY) > _MIN_SWAY_M)
@@ -131,7 +131,8 @@ class Stepping:
 
     def _command_step_s(self, dt_s: float) -> float:
         """Time step for the command, s. With a sway it is smaller, so that a change takes some cycles.
-        Otherwise feet whose first swing comes last would travel so far meanwhile that they lose their load.
+        Otherwise the feet that swing last would travel so far before their first swing that they lose their
+        load.
         """
         if not any(self._sway_plan.body.tolist()):
             return dt_s
