@@ -32,8 +32,10 @@ def check_outputs(*paths: Path | None, inputs: Iterable[Path | str | None] = ())
             raise UserError(f"cannot write {path}: it is read by this command; give another name")
         if reason := _obstacle(path):
             raise UserError(f"cannot write {path}: {reason}")
-    if len({_target(path) for path in outputs}) < len(outputs):
-        raise UserError(f"cannot write two outputs to {outputs[0]}: give each its own name")
+    targets = [_target(path) for path in outputs]
+    for path, target in zip(outputs, targets, strict=True):
+        if targets.count(target) > 1:
+            raise UserError(f"cannot write two outputs to {path}: give each its own name")
 
 
 def _obstacle(path: Path) -> str:

@@ -40,22 +40,22 @@ class Link:
         self.closed = threading.Event()
         threading.Thread(target=self._read, name="run's steering", daemon=True).start()
 
-    def ask(self, **request: Any) -> str:
+    def request(self, **content: Any) -> str:
         """Send a request and wait for the answer: why it is refused; empty if it is accepted."""
         number = next(self._numbers)
         answer = self._answers[number] = queue.SimpleQueue()
         try:
-            self._send({"id": number, **request})
+            self._send({"id": number, **content})
             return answer.get(timeout=ANSWER_TIMEOUT_S)
         except (OSError, queue.Empty):
             return SILENT
         finally:
             del self._answers[number]
 
-    def post(self, **request: Any) -> None:
+    def post(self, **content: Any) -> None:
         """Send a request without waiting."""
         try:
-            self._send(request)
+            self._send(content)
         except OSError:
             self.closed.set()
 

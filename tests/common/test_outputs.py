@@ -162,3 +162,8 @@ def test_the_target_of_a_link_is_replaced(tmp_path: Path) -> None:
     with pytest.raises(UserError):
         check_outputs(link, tmp_path / "other", real)
     check_outputs(link, tmp_path / "other", None, None)
+
+
+def test_the_refusal_of_two_equal_outputs_names_them(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="twice"):
+        check_outputs(tmp_path / "once", tmp_path / "twice", tmp_path / "twice")

@@ -51,5 +51,5 @@ class Parameters:
         request: dict[str, Any] = {p.name: p.value for p in parameters if p.name in CHOICES and p.value}
         if settings := {p.name: p.value for p in parameters if p.name in self._declared}:
             request["settings"] = settings
-        refused = self._link.ask(**request) if request else ""
+        refused = self._link.request(**request) if request else ""
         return SetParametersResult(successful=not refused, reason=refused)

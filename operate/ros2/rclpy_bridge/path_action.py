@@ -57,7 +57,7 @@ class PathAction:
         number = self._goals
         poses = [each.pose for each in handle.request.path.poses]
         points = thinned([[pose.position.x, pose.position.y] for pose in poses])
-        refused = self._link.ask(path=points, yaw_rad=_yaw(poses[-1].orientation), goal=number)
+        refused = self._link.request(path=points, yaw_rad=_yaw(poses[-1].orientation), goal=number)
         if refused:
             return self._aborted(handle, result, refused)
         outdated = 0  # consecutive statuses without a path or with another one
@@ -66,7 +66,7 @@ class PathAction:
             if number != self._goals:
                 return self._aborted(handle, result, "another path replaced it")
             if handle.is_cancel_requested:
-                self._link.ask(path=None)
+                self._link.request(path=None)
                 handle.canceled()
                 return result
             path = status["path"]
@@ -91,7 +91,7 @@ class PathAction:
     def _aborted(self, handle: Any, result: Any, why: str) -> Any:
         self._node.get_logger().error(f"path: {why}")
         handle.abort()
-        result.error_code = 1
+        result.error_code = self._type.Result.UNKNOWN  # its value differs between releases of Nav2
         if hasattr(result, "error_msg"):  # only in some releases
             result.error_msg = why
         return result

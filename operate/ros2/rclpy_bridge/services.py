@@ -55,6 +55,6 @@ class Services:
         return self._ask(response, {"gait": WAVE_GAIT if switch.data else others[0]})
 
     def _ask(self, response: Any, request: Mapping[str, Any]) -> Any:
-        refused = self._link.ask(**request)
+        refused = self._link.request(**request)
         response.success, response.message = not refused, refused
         return response

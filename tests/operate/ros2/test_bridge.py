@@ -7,8 +7,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock, patch
 
 import numpy as np
 import pytest
@@ -59,23 +62,23 @@ def finds_fake_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_requests_reach_the_inbox_and_refusals_are_returned(inbox: Inbox, path: Path) -> None:
     result: list[str] = []
     link = Link(str(path), lambda _: None, result.append)
-    assert link.ask(velocity=[0.3, 0.0, 0.1], gait="wave", settings={"step_height_m": 0.04}) == ""
+    assert link.request(velocity=[0.3, 0.0, 0.1], gait="wave", settings={"step_height_m": 0.04}) == ""
     request = inbox.poll(WALKING)
     assert (inbox.owner, request.velocity.tolist()) == ("ros2", [0.3, 0.0, 0.1])
     assert (request.gait, request.settings) == ("wave", {"step_height_m": 0.04})
     not_finite = {"velocity": [float("nan"), 0, 0]}
     for wrong in (not_finite, {"gait": "fly"}, {"weight": 1}, {"behaviour": ["walk"]}):
-        assert "\n" not in link.ask(**wrong) != ""
+        assert "\n" not in link.request(**wrong) != ""
     link.post(gait="fly")
     link.post(gait="fly")
     link.post(wish="stand")  # former name
     assert eventually(lambda: inbox.poll(WALKING).behaviour is Behaviour.STAND)
     assert len(result) == 1, "the same refusal is reported once"
     assert inbox.take_over("page") == ""
-    assert link.ask(velocity=[0.1, 0, 0]) != ""
-    assert link.ask(take_over=True) == link.ask(velocity=[0.1, 0, 0]) == ""
+    assert link.request(velocity=[0.1, 0, 0]) != ""
+    assert link.request(take_over=True) == link.request(velocity=[0.1, 0, 0]) == ""
     assert inbox.stopped is None
-    assert link.ask(stop="a service") == ""
+    assert link.request(stop="a service") == ""
     assert "ros2" in inbox.stopped.reason
 
 
@@ -99,7 +102,7 @@ def test_a_run_waits_for_the_first_request_and_ends_after_silence(tmp_path: Path
     while time.monotonic() < end_s:
         assert inbox.poll(WALKING).behaviour is Behaviour.WALK
         time.sleep(0.01)
-    assert link.ask(velocity=[0.1, 0, 0]) == ""
+    assert link.request(velocity=[0.1, 0, 0]) == ""
     assert eventually(lambda: inbox.poll(WALKING).behaviour is Behaviour.LIE_DOWN)
     server.close()
 
@@ -116,7 +119,7 @@ def test_a_lost_bridge_stops_steering_for_another(inbox: Inbox, paths: PathSourc
     assert inbox.owner == ""
     assert "gone" in eventually(lambda: inbox.poll(WALKING).note)
     link = Link(str(path), lambda _: None, lambda _: None)
-    assert link.ask(velocity=[0.1, 0, 0]) == ""
+    assert link.request(velocity=[0.1, 0, 0]) == ""
 
 
 def test_a_path_in_odom_is_walked_from_the_robots_position(paths: PathSource) -> None:
@@ -217,3 +220,21 @@ def test_modules_run_by_ros_python_need_no_packages_of_footfall() -> None:
     names = ", ".join(f"footfall.operate.ros2.{each}" for each in modules)
     command = [sys.executable, "-S", "-c", f"import {names}"]
     subprocess.run(command, check=True, env={"PYTHONPATH": str(ROOT / "src")})
+
+
+def test_a_refused_path_ends_with_nav2s_code_for_an_unknown_error() -> None:
+    """`rclpy` and `nav2_msgs` are replaced: Nav2's behaviour trees decide by this code."""
+    modules = ("action", "node", "publisher", "qos", "task")
+    ros: dict[str, Any] = {f"rclpy.{name}": MagicMock() for name in modules}
+    ros |= {"rclpy": MagicMock(), "nav2_msgs": MagicMock()}
+    ros["nav2_msgs.action"] = SimpleNamespace(FollowPath=MagicMock())
+    ros["nav2_msgs.action"].FollowPath.Result.UNKNOWN = 100
+    with patch.dict(sys.modules, ros):
+        action = import_module("footfall.operate.ros2.rclpy_bridge.path_action")
+        link = MagicMock(request=lambda **_: "another operator steers")
+        action.PathAction(MagicMock(), link)
+    handle = MagicMock()
+    handle.request.path.poses = [MagicMock()]
+    with pytest.raises(StopIteration) as ended:
+        ros["rclpy.action"].ActionServer.call_args.kwargs["execute_callback"](handle).send(None)
+    assert ended.value.value.error_code == 100
