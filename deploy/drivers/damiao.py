@@ -118,7 +118,7 @@ class DamiaoDriver(PolledDriver):
     def query_settings(self) -> Frames:
         """Frames that read unknown registers; a wrong timeout is written before."""
         rows = []
-        for joint, register, value in self._settings.questions():
+        for joint, register, value in self._settings.due_reads():
             motor = int(self._wiring.motor_id[joint])
             if value is not None:
                 rows.append((joint, struct.pack("<HBBI", motor, WRITE, register, int(value))))

@@ -74,9 +74,9 @@ class MoteusDriver(PolledDriver):
 
     def query_settings(self) -> Frames:
         """Reads of the torque limit if robot.yaml has one; a different limit is written before."""
-        questions = self._settings.questions()
-        rows = [moteus.padded(moteus.limit_access(each.write), 1) for each in questions]
-        motor = np.array([each.motor for each in questions], np.intp)
+        reads = self._settings.due_reads()
+        rows = [moteus.padded(moteus.limit_access(each.write), 1) for each in reads]
+        motor = np.array([each.motor for each in reads], np.intp)
         data = np.concatenate([data for data, _ in rows]) if rows else np.zeros((0, 64), np.uint8)
         length = np.array([length for _, length in rows], np.intp)
         return Frames(self._wiring.channel[motor], self._identifier[motor], data, length)

@@ -17,7 +17,7 @@ from footfall.deploy.wiring import Wiring
 MAX_READING_AGE = 5
 MAX_WITHOUT_TORQUE = 25  # largest number of consecutive readings of the position without one of the torque
 ENABLE_EVERY = 100  # ticks; longer than a heartbeat takes to confirm enable
-CURRENT_LIMIT = 0  # number of the only setting of `Settings` here
+CURRENT_LIMIT = 0  # number of the current limit in `Settings`, which has no other setting here
 
 
 class _Axes:
@@ -94,10 +94,10 @@ class OdriveDriver:
 
     def query_settings(self) -> Frames:
         """Set torque control, and read one value of each axis: of its watchdog, then of its current limit."""
-        axes, endpoints = self._watchdogs.questions()
-        pending = [] if axes.size else self._limits.questions()  # the interface's queue is short
-        limited = np.array([each.motor for each in pending], np.intp)
-        writes = np.array([each.motor for each in pending if each.write is not None], np.intp)
+        axes, endpoints = self._watchdogs.due_reads()
+        limit_reads = [] if axes.size else self._limits.due_reads()  # the interface's queue is short
+        limited = np.array([each.motor for each in limit_reads], np.intp)
+        writes = np.array([each.motor for each in limit_reads if each.write is not None], np.intp)
         endpoint = self._wiring.current_endpoint
         return joined(
             [
@@ -166,7 +166,7 @@ class OdriveDriver:
         return self._torque._replace(data=odrive.float_bytes(torque / self._gear))
 
     def damping(self, kd: np.ndarray) -> tuple[Frames, ...]:
-        """Velocity control at rest: an axis computes that law itself, without a reading on the host.
+        """Velocity control with the target 0: the axis itself computes this damping, without the host.
 
         The first batch removes the last torque. `query_settings` and `enable` return to torque control.
         """

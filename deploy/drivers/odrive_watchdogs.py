@@ -14,7 +14,7 @@ class Watchdogs:
         self._endpoints = wiring.watchdog_endpoints.T  # (2, n): enable and time; 0 for none
         self._known = np.full(self._endpoints.shape, np.nan)  # enabled, and time in s; NaN: unknown
 
-    def questions(self) -> tuple[np.ndarray, np.ndarray]:
+    def due_reads(self) -> tuple[np.ndarray, np.ndarray]:
         """Axes (k,) with an unknown endpoint, and the first such endpoint of each, (k,)."""
         unknown = np.isnan(self._known) & (self._endpoints > 0)
         axes = np.flatnonzero(unknown.any(axis=0))

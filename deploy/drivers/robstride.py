@@ -179,7 +179,7 @@ class RobstrideDriver(PolledDriver):
     def query_settings(self) -> Frames:
         """Reads of unknown parameters; a wrong timeout or torque limit is written before."""
         rows = []
-        for joint, parameter, value in self._settings.questions():
+        for joint, parameter, value in self._settings.due_reads():
             if value is not None:
                 content = parameter_bytes(parameter, value)
                 rows.append((joint, WRITE, struct.pack("<HH", parameter, 0) + content))

@@ -8,13 +8,13 @@ import numpy as np
 
 from footfall.deploy.wiring import Wiring
 
-ASK_AGAIN = 10  # ticks until a question without a reply is repeated
+REPEAT_TICKS = 10  # ticks until a read without a reply is repeated
 NO_TIMEOUT = "no communication timeout"
 
 Known = Mapping[int, float]  # settings of one motor by the maker's numbers
 
 
-class Question(NamedTuple):
+class SettingRead(NamedTuple):
     """A setting to read, and a value to write before."""
 
     motor: int  # joint index
@@ -69,11 +69,11 @@ class Settings:
         if limit is not None:
             for motor in np.flatnonzero(~np.isnan(limit.highest)).tolist():
                 self._names[motor][limit.setting] = limit.name
-        self._waits = [0] * len(self.known)  # ticks until a question is repeated
+        self._waits = [0] * len(self.known)  # ticks until a read is repeated
         self._complete = False
 
-    def questions(self) -> list[Question]:
-        """Questions of this tick: at most one for each motor, and none before it is due."""
+    def due_reads(self) -> list[SettingRead]:
+        """Settings to read in this tick, at most one of each motor."""
         due = []
         for motor, known in enumerate(self.known):
             setting = next((number for number in self._names[motor] if number not in known), None)
@@ -87,12 +87,12 @@ class Settings:
             if self._waits[motor]:
                 self._waits[motor] -= 1
                 continue
-            self._waits[motor] = ASK_AGAIN
-            due.append(Question(motor, setting, write))
+            self._waits[motor] = REPEAT_TICKS
+            due.append(SettingRead(motor, setting, write))
         return due
 
     def note(self, motor: int, setting: int, value: float) -> None:
-        """Store a reported setting. If it was unknown, the next question is due at once."""
+        """Store a reported setting. If it was unknown, the next read is due at once."""
         if setting not in self.known[motor]:
             self._waits[motor] = 0
         self.known[motor][setting] = value

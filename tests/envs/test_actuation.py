@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 from changed_robots import described
-from go1_smoke import IN_C, ROBOT, SMOKE, N
+from go1_smoke import ROBOT, SMOKE, SMOKE_IN_C, N
 from posed import mass_matrix, posed
 from scipy.linalg import eigh
 from some_net import with_net
@@ -108,7 +108,7 @@ def walked(**drawn: float) -> tuple[State, np.ndarray]:
     """The last state of 16 robots, and the observations (steps, robots, 2n), under fixed actions."""
     terms = (ObservationConfig("joint_position"), ObservationConfig("joint_velocity", 0.05))
     ranges = Randomisation(**{name: Distribution(value, value) for name, value in drawn.items()})
-    env = LocomotionEnv(ROBOT, replace(IN_C, observation=terms, randomisation=ranges))
+    env = LocomotionEnv(ROBOT, replace(SMOKE_IN_C, observation=terms, randomisation=ranges))
     state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(4), 16))
     step, seen = jax.jit(jax.vmap(env.step)), []
     for k in range(6):
@@ -138,7 +138,7 @@ class TestSupply:
     """A battery in training: its voltage sags with the motors' power and weakens them."""
 
     PACK = Battery(8, 230.0, 0.05, idle_w=20.0)
-    DRAWN = replace(IN_C, randomisation=Randomisation(battery_charge=Distribution(0.2, 0.4)))
+    DRAWN = replace(SMOKE_IN_C, randomisation=Randomisation(battery_charge=Distribution(0.2, 0.4)))
 
     def test_the_voltage_satisfies_the_packs_equations_and_scales_the_next_torque_speed_line(self) -> None:
         env = LocomotionEnv(described(ROBOT, battery=self.PACK), self.DRAWN)
@@ -164,13 +164,13 @@ class TestSupply:
     def test_a_charge_needs_a_battery_and_without_a_charge_the_supply_is_nominal(self) -> None:
         with pytest.raises(UserError, match="battery_charge"):
             LocomotionEnv(ROBOT, self.DRAWN)
-        env = LocomotionEnv(described(ROBOT, battery=self.PACK), IN_C)
+        env = LocomotionEnv(described(ROBOT, battery=self.PACK), SMOKE_IN_C)
         assert env.reset(jax.random.PRNGKey(0))[0].supply is None
 
 
 def test_the_motors_memory_acts_and_does_not_reach_the_next_episode(tmp_path: Path) -> None:
     """Lagged torque, and the inputs of a learned part of the joint law."""
-    lag = replace(IN_C, randomisation=Randomisation(torque_lag_s=Distribution(0.001, 0.006)))
+    lag = replace(SMOKE_IN_C, randomisation=Randomisation(torque_lag_s=Distribution(0.001, 0.006)))
     plain, with_both = (LocomotionEnv(robot, lag) for robot in (ROBOT, with_net(ROBOT, tmp_path / "go1")))
     moved = []
     for env in (plain, with_both):

@@ -1,4 +1,4 @@
-"""Tasks made of terms: from entries of a configuration to terms, and a user's own terms."""
+"""Tasks made of terms: terms are found by the entries of a configuration, and may be a user's own."""
 
 import sys
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from go1_smoke import IN_C, ROBOT
+from go1_smoke import ROBOT, SMOKE_IN_C
 from refused import refusal_of
 
 from footfall.envs.batch import step_batch
@@ -40,15 +40,15 @@ from footfall.robots import kinds
 
 @dataclass(frozen=True)
 class AirTime:
-    """Seconds for which each landing foot was in the air, less a minimum."""
+    """Seconds for which each landing foot was in the air, minus a minimum."""
 
-    least_s: Annotated[float, Between(0.0, 1.0)] = 0.1
+    min_s: Annotated[float, Between(0.0, 1.0)] = 0.1
 
     def init(self, data):
         return jnp.zeros_like(data.contact)
 
     def step(self, air_s, data):
-        reward = jnp.sum(data.contact * (air_s - self.least_s))
+        reward = jnp.sum(data.contact * (air_s - self.min_s))
         return (air_s + data.period_s) * (1.0 - data.contact), reward
 
 def knees(data, *, share: float = 1.0):
@@ -104,8 +104,8 @@ def own_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
 
 def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
     """The state restarts with the episode, differs between robots, and is kept in compiled programs."""
-    entry = RewardConfig("own_terms:AirTime", 2.0, settings={"least_s": 0.05})
-    env = make_environment(ROBOT, replace(IN_C, rewards=(entry,), episode_s=0.1, reward_floor=-1.0))
+    entry = RewardConfig("own_terms:AirTime", 2.0, settings={"min_s": 0.05})
+    env = make_environment(ROBOT, replace(SMOKE_IN_C, rewards=(entry,), episode_s=0.1, reward_floor=-1.0))
     state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), 3))
     high = state._replace(qpos=state.qpos.at[1, 2].set(2.0))  # the second robot is in the air
     step = jax.jit(lambda state: step_batch(env, state, jnp.zeros((3, 12))))
@@ -126,14 +126,14 @@ def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
 
 def test_terms_of_every_kind_come_from_a_users_module() -> None:
     config = replace(
-        IN_C,
+        SMOKE_IN_C,
         rewards=(RewardConfig("own_terms:knees", 1.0, settings={"share": 0.5}),),
-        critic=(*IN_C.critic, NamedTermConfig("own_terms:foot_speed")),
+        critic=(*SMOKE_IN_C.critic, NamedTermConfig("own_terms:foot_speed")),
         terminations=(NamedTermConfig("own_terms:too_long", settings={"limit_s": 1.0}),),
         events=(EventConfig("own_terms:lifted"), EventConfig("own_terms:hop")),
         curricula=(CurriculumConfig("own_terms:late", "hop", settings={"after": 0.3}),),
     )
-    env, plain = make_environment(ROBOT, config), make_environment(ROBOT, IN_C)
+    env, plain = make_environment(ROBOT, config), make_environment(ROBOT, SMOKE_IN_C)
     assert env.observation_sizes["privileged_state"] == plain.observation_sizes["privileged_state"] + 4
     step, speeds = jax.jit(env.step), []
     for level in (0.2, 0.4):  # below and above the level at which hops begin
@@ -148,12 +148,12 @@ def test_terms_of_every_kind_come_from_a_users_module() -> None:
 
 
 def test_a_users_task_makes_the_environment() -> None:
-    env = make_environment(ROBOT, replace(IN_C, task="own_terms:kneel"))
+    env = make_environment(ROBOT, replace(SMOKE_IN_C, task="own_terms:kneel"))
     assert (env.episode_steps, env.config.weights) == (25, {"alive": 2.0})
 
 
 def test_a_changed_term_changes_the_programs_fingerprint(own_module: Path) -> None:
-    config = replace(IN_C, rewards=(RewardConfig("own_terms:knees", 1.0),))
+    config = replace(SMOKE_IN_C, rewards=(RewardConfig("own_terms:knees", 1.0),))
     helper = own_module.with_name("own_helper.py")
     helper.write_text("")
     made = [fingerprint(program_key(ROBOT, config)) for _ in range(2)]
@@ -167,8 +167,8 @@ def test_a_changed_term_changes_the_programs_fingerprint(own_module: Path) -> No
     assert len(set(made)) == 3
 
 
-def test_a_refused_term_is_named_by_its_entry() -> None:
-    reward, named = IN_C.rewards[0], NamedTermConfig
+def test_the_refusal_of_a_term_names_its_entry() -> None:
+    reward, named = SMOKE_IN_C.rewards[0], NamedTermConfig
     cases: list[tuple[dict[str, object], str]] = [
         *(
             ({"rewards": (RewardConfig(term, 1.0, settings=settings),)}, f"env.rewards[0]{words}")
@@ -178,7 +178,7 @@ def test_a_refused_term_is_named_by_its_entry() -> None:
                 ("track_linear", {"sigma_m2_s2": "wide"}, ".sigma_m2_s2"),
                 ("track_linear", {"sigma_m2_s2": np.nan}, ".sigma_m2_s2"),
                 ("swing_height", {"height_m": 80}, ".height_m: must be from"),
-                ("own_terms:AirTime", {"least_s": -1.0}, ".least_s"),
+                ("own_terms:AirTime", {"min_s": -1.0}, ".min_s"),
                 ("own_terms:crooked", {}, ": returns 12 numbers"),
                 ("own_terms:broken", {}, ": AttributeError"),
                 ("pose", {"joint_shares": {"*_toe": 1.0}}, ": joint_shares: "),
@@ -205,7 +205,7 @@ def test_a_refused_term_is_named_by_its_entry() -> None:
         ({"task": "own_terms:broken"}, "env.task: own_terms:broken"),
     ]
     for changes, words in cases:
-        assert words in refusal_of(make_environment, ROBOT, replace(IN_C, **changes)), changes
+        assert words in refusal_of(make_environment, ROBOT, replace(SMOKE_IN_C, **changes)), changes
 
 
 def test_names_distinguish_two_entries_of_one_term() -> None:
@@ -213,6 +213,6 @@ def test_names_distinguish_two_entries_of_one_term() -> None:
         RewardConfig("pose", -1.0, name=name, settings={"joint_shares": {f"*{name}*": 1.0, "*": 0.0}})
         for name in ("hip", "calf")
     )
-    env = make_environment(ROBOT, replace(IN_C, rewards=(hips, knees)))
+    env = make_environment(ROBOT, replace(SMOKE_IN_C, rewards=(hips, knees)))
     _, result = jax.jit(env.step)(env.reset(jax.random.PRNGKey(0))[0], jnp.zeros(12))
     assert {"reward/hip", "reward/calf"} <= set(result.metrics)

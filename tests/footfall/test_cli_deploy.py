@@ -41,14 +41,14 @@ TIMING = {
 }  # fmt: skip
 
 
-def ran(**changes: Any) -> Any:
-    """Figures of a run with late ticks that ended safely."""
-    facts = {
+def run_result(**changes: Any) -> Any:
+    """The result of a run with late ticks that ended safely."""
+    fields = {
         "walked_s": 1.5, "final_state": "IDLE", "faults": (), "notes": ("a note",), "buses": (),
         "wall_s": 2.0, "run_s": 3.0, "fell": False, "fall_reason": "", "distance_m": 0.7,
         "mean_velocity": np.array([0.4, -0.1, 0.2]), "timing": TIMING, "recoveries": (),
     }  # fmt: skip
-    return SimpleNamespace(**(facts | changes))
+    return SimpleNamespace(**(fields | changes))
 
 
 class TestOptions:
@@ -59,7 +59,7 @@ class TestOptions:
     ) -> None:
         """Otherwise a user believes that the policy sees the ground."""
         monkeypatch.setenv("FOOTFALL_TOKEN", "a token of the tests, shared")
-        called.replace("footfall.plant.episode.run_episode", ran())
+        called.replace("footfall.plant.episode.run_episode", run_result())
         free_port = ("--height-scan", "udp:127.0.0.1:0")
         assert "udp:127.0.0.1:0" in shell.refuses("deploy", "go1-flat", *free_port)
         assert shell("deploy", "go1-flat", "--also", "go1-rough", *free_port).status == 0
@@ -67,7 +67,7 @@ class TestOptions:
 
     def test_options_reach_the_simulation(self, shell: Shell, called: Recorder, go1: Robot) -> None:
         Path("a.yaml").write_text("joint_rate_hz: 1000.0")
-        called.replace("footfall.plant.episode.run_episode", ran())
+        called.replace("footfall.plant.episode.run_episode", run_result())
         more = ("--plant", str(go1.xml_path), "--ground-truth", "--realtime")
         outcome = shell("deploy", "trot", *self.OPTIONS.split(), *more)
         assert outcome.status == 0, outcome.err
@@ -88,19 +88,19 @@ class TestOptions:
         assert (result["timing"], result["mean_velocity_m_s"]) == (TIMING, [0.4, -0.1, 0.2])
         assert "a note" in outcome.out
 
-    def test_consent_names_the_policy_that_gets_the_robot_up(self, shell: Shell, called: Recorder) -> None:
-        fell = Recovered("tilt", 1.0, 3.5, 2)
-        called.replace("footfall.plant.episode.run_episode", ran(recoveries=(fell,)))
+    def test_recover_needs_a_get_up_policy(self, shell: Shell, called: Recorder) -> None:
+        recovery = Recovered("tilt", 1.0, 3.5, 2)
+        called.replace("footfall.plant.episode.run_episode", run_result(recoveries=(recovery,)))
         assert shell("deploy", "trot", "--recover", "--get-up", "stand", "--json", "a.json").status == 0
         (_, _, episode), _ = called.of("run_episode")
         assert (episode.get_up.policy.name, episode.get_up.spec) == ("stand", "stand")
-        assert json.loads(Path("a.json").read_text())["recoveries"] == [fell._asdict()]
+        assert json.loads(Path("a.json").read_text())["recoveries"] == [recovery._asdict()]
         assert "--recover" in shell.refuses("deploy", "trot", "--get-up", "stand")
         called.replace("footfall.policies.registry.zoo_names", [])
         assert "--get-up" in shell.refuses("deploy", "trot", "--recover")
 
     def test_options_set_how_a_simulated_robot_begins_and_ends(self, shell: Shell, called: Recorder) -> None:
-        called.replace("footfall.plant.episode.run_episode", ran())
+        called.replace("footfall.plant.episode.run_episode", run_result())
         for options, lying, lie_down in (
             ("", False, True), ("--start lying", True, True), ("--no-lie-down", False, False)
         ):  # fmt: skip
@@ -116,7 +116,7 @@ class TestOptions:
     def test_status_0_means_a_safe_end(self, shell: Shell, called: Recorder) -> None:
         fell = {"fell": True, "fall_reason": "it tilted"}
         for outcome, status in (({}, 0), ({"final_state": "ESTOP"}, 1), (fell, 1)):
-            called.replace("footfall.plant.episode.run_episode", ran(faults=("motor 3",), **outcome))
+            called.replace("footfall.plant.episode.run_episode", run_result(faults=("motor 3",), **outcome))
             shown = shell("deploy", "stand")
             assert shown.status == status
             assert "motor 3" in shown.out
@@ -124,7 +124,7 @@ class TestOptions:
     @pytest.mark.parametrize("bus", ["socketcan", "virtual"])
     def test_options_reach_a_can_interface(self, shell: Shell, called: Recorder, bus: str) -> None:
         called.replace("footfall.plant.serve.serving", nullcontext())
-        ended = ran(final_state="FALLING", faults=("tilt", "x"))
+        ended = run_result(final_state="FALLING", faults=("tilt", "x"))
         called.replace("footfall.deploy.session.run_on_interface", ended)
         Path("a.yaml").write_text("stand_s: 2.5")
         assert shell("deploy", "stand", "--bus", bus, *self.OPTIONS.split()).status == 1

@@ -142,7 +142,7 @@ def make(tmp_path: Path, text: str, **options: object) -> tuple[Robot, Imported]
     return load_robot(made.folder), made
 
 
-def hanging(name: str, y: float, length: float, inner: str = "") -> str:
+def limb(name: str, y: float, length: float, inner: str = "") -> str:
     """A limb of one hinge with a sphere at its end."""
     return f"""<body name="{name}" pos="0 {y} 0"><joint name="{name}_joint" axis="0 1 0" range="-1 1"/>
       <geom name="{name}_sphere" size="0.02" pos="0 0 {0.02 - length}" mass="0.3"/>{inner}</body>"""

@@ -11,6 +11,6 @@ from footfall.train.config import load_preset
 ROBOT = load_robot("go1")
 N = len(ROBOT.joint_names)
 SMOKE = load_preset("smoke").env
-IN_C = replace(SMOKE, physics="c")  # compiled faster
+SMOKE_IN_C = replace(SMOKE, physics="c")  # compiled faster
 MODEL = training_model(ROBOT, SMOKE.timestep_s)
 SCENE = Scene(MODEL, ROBOT, Feet(MODEL, ROBOT, SMOKE.timestep_s, None), 0.02)

@@ -24,18 +24,18 @@ class NumberEnvironment:
     period_s = PERIOD_S
     observation_sizes, action_size = SIZES, ACTIONS
 
-    def __init__(self, count: int, fallen: int = 0, out_of_time: int = 0, shown: float = 1.0) -> None:
+    def __init__(self, count: int, fallen: int = 0, timed_out: int = 0, observed: float = 1.0) -> None:
         rows = np.arange(count)
         self.count = count
         self.fallen = jnp.float32(rows < fallen)
-        self.truncated = jnp.float32((rows >= fallen) & (rows < fallen + out_of_time))
-        self.shown = {name: jnp.full((count, size), shown) for name, size in SIZES.items()}
+        self.truncated = jnp.float32((rows >= fallen) & (rows < fallen + timed_out))
+        self.observation = {name: jnp.full((count, size), observed) for name, size in SIZES.items()}
 
     def reward(self, action: jax.Array) -> jax.Array:
         return jnp.full((self.count,), REWARD)
 
     def reset(self, key: jax.Array, level: jax.Array) -> tuple[jax.Array, dict[str, jax.Array]]:
-        return jnp.float32(0.0), {name: value[0] for name, value in self.shown.items()}
+        return jnp.float32(0.0), {name: value[0] for name, value in self.observation.items()}
 
     def level(self, steps: jax.Array) -> jax.Array:
         return jnp.float32(steps)
@@ -48,7 +48,11 @@ class NumberEnvironment:
         done = jnp.maximum(self.fallen, self.truncated)
         metrics = {"done": done, "length": 10.0 * done, "level": state}
         reward = self.reward(action)
-        return state, self.shown, SimpleNamespace(reward=reward, truncated=self.truncated, metrics=metrics)
+        return (
+            state,
+            self.observation,
+            SimpleNamespace(reward=reward, truncated=self.truncated, metrics=metrics),
+        )
 
 
 class CountingEnvironment:

@@ -16,10 +16,10 @@ from footfall.train.brax.rollout import roll_out
 from footfall.train.brax.state import TrainState, initial_state
 from footfall.train.config import PpoConfig, load_preset
 
-NOT_MOVED = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
-ENVIRONMENTS, UNROLL = 8, 4
+KL_ROUNDING = 1e-4  # nats: brax's divergence of a distribution from itself is 1e-5 for each action
+ENVIRONMENTS, STEPS = 8, 4
 CONFIG: PpoConfig = replace(
-    load_preset("smoke").ppo, num_envs=ENVIRONMENTS, num_steps_per_env=UNROLL, num_mini_batches=1,
+    load_preset("smoke").ppo, num_envs=ENVIRONMENTS, num_steps_per_env=STEPS, num_mini_batches=1,
     num_learning_epochs=1, learning_rate=1e-3, final_learning_rate=1e-3,
     lam=0.0,  # a value's target is the reward and the discounted next value
 )  # fmt: skip
@@ -34,7 +34,7 @@ def first_state(env: Any, config: PpoConfig = CONFIG) -> TrainState:
 
 def rolled_out(env: Any, state: TrainState) -> Transition:
     """The transitions of one rollout."""
-    return roll_out(env, NETWORKS, CONFIG, state, jax.random.split(jax.random.PRNGKey(1), UNROLL))[1][0]
+    return roll_out(env, NETWORKS, CONFIG, state, jax.random.split(jax.random.PRNGKey(1), STEPS))[1][0]
 
 
 @cache
@@ -51,5 +51,5 @@ def learnt(
 ) -> tuple[Any, dict[str, np.ndarray]]:
     """The optimiser's state and the losses (epoch, mini-batch) after one update."""
     update = plain_update(config) if mirror is None else jax.jit(Ppo(NETWORKS, config, mirror=mirror).update)
-    _, optimizer, losses = update(state, rollout, environment().shown, jax.random.PRNGKey(2))
+    _, optimizer, losses = update(state, rollout, environment().observation, jax.random.PRNGKey(2))
     return optimizer, {name: np.asarray(value) for name, value in losses.items()}

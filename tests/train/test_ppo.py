@@ -9,7 +9,7 @@ import number_environment
 import numpy as np
 import pytest
 from number_environment import COUNTING, COUNTING_NETWORKS, REWARD, SIZES, CountingEnvironment
-from ppo_on_numbers import CONFIG, NETWORKS, NOT_MOVED, environment, first_state, learnt, rolled_out
+from ppo_on_numbers import CONFIG, KL_ROUNDING, NETWORKS, environment, first_state, learnt, rolled_out
 
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.robots.symmetry import Mirror
@@ -28,11 +28,11 @@ def test_an_episode_is_bootstrapped_with_the_critics_value_unless_it_ended_by_a_
     """
     for ends, next_value, reward in (
         ({}, CONFIG.gamma, REWARD), ({"fallen": CONFIG.num_envs}, 0.0, REWARD),
-        ({"out_of_time": CONFIG.num_envs}, 1.0, 0.0),
+        ({"timed_out": CONFIG.num_envs}, 1.0, 0.0),
     ):  # fmt: skip
         env = environment(**ends)
         state = first_state(env)
-        value = float(NETWORKS.value_network.apply(state.normalizer, state.params.value, env.shown)[0])
+        value = float(NETWORKS.value_network.apply(state.normalizer, state.params.value, env.observation)[0])
         _, losses = learnt(state, rolled_out(env, state))
         error = reward + next_value * value - value
         assert losses["v_loss"][0, 0] == pytest.approx(0.25 * error**2, rel=1e-4, abs=1e-9)
@@ -119,12 +119,14 @@ SWAP = EnvironmentMirror(
 def test_images_have_mirrored_observations_and_do_not_count_as_a_change_of_the_policy() -> None:
     """The actor's action for a mirrored observation is not the mirror image of its action."""
     env = environment()
-    env.shown = {name: jnp.arange(1.0, size + 1) + 0 * env.shown[name] for name, size in SIZES.items()}
+    env.observation = {
+        name: jnp.arange(1.0, size + 1) + 0 * env.observation[name] for name, size in SIZES.items()
+    }
     state = number_environment.with_scaled_actor(first_state(env))
     rollout = rolled_out(env, state)
     still = replace(CONFIG, learning_rate=1e-12, final_learning_rate=0.0, num_learning_epochs=3)
     _, losses = learnt(state, rollout, still, SWAP)
-    assert losses["kl_mean"] == pytest.approx(0.0, abs=NOT_MOVED)
+    assert losses["kl_mean"] == pytest.approx(0.0, abs=KL_ROUNDING)
 
     data = jax.tree.map(lambda x: jnp.swapaxes(x, 0, 1), rollout)
     following = {name: 10.0 + value[:, -1:] for name, value in data.observation.items()}

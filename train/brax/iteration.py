@@ -92,9 +92,9 @@ def make_iteration(
         metrics, losses, moments = mean((metrics, losses.mean(axis=(0, 1)), moments))
         # Updated after PPO, so that the rollout's log-probabilities stay comparable.
         if moments is None:
-            normalizer = statistics.updated_alone(learner.normalizer, rollout.observation)
+            normalizer = statistics.add_samples(learner.normalizer, rollout.observation)
         else:
-            normalizer = statistics.updated(learner.normalizer, moments, config.steps_per_iteration)
+            normalizer = statistics.add_moments(learner.normalizer, moments, config.steps_per_iteration)
         scalars = {f"learning/{name}": value for name, value in losses.items()}
         scalars |= _with_episode_length(metrics, 1.0 / config.steps_per_iteration, env.period_s)
         observations = _newest(rollout.observation["state"], LOGGED_OBSERVATIONS // devices)

@@ -17,7 +17,7 @@ MIN_STD = 0.02  # smallest deviation to divide by: an observation that hardly va
 MAX_STD = 1e6
 
 
-def updated_alone(
+def add_samples(
     normalizer: RunningStatisticsState, observation: dict[str, jax.Array]
 ) -> RunningStatisticsState:
     """The statistics after further observations (..., size), all on this device."""
@@ -40,7 +40,7 @@ def moments(normalizer: RunningStatisticsState, observation: dict[str, jax.Array
     )
 
 
-def updated(normalizer: RunningStatisticsState, new: Moments, samples: int) -> RunningStatisticsState:
+def add_moments(normalizer: RunningStatisticsState, new: Moments, samples: int) -> RunningStatisticsState:
     """The statistics after further samples, with these moments (Welford's algorithm for batches)."""
     count = normalizer.count + samples
     total = jnp.float32(count.hi) * 2.0**32 + jnp.float32(count.lo)

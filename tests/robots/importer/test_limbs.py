@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from foreign_robots import hanging, on_base, read
+from foreign_robots import limb, on_base, read
 
 from footfall.common.errors import UserError
 from footfall.robots.importer.limbs import FOOT_NAME, find_limbs
@@ -24,8 +24,8 @@ def test_names_of_feet_are_recognised() -> None:
 
 def test_a_limb_ends_where_no_joint_follows_also_behind_a_fixed_part(tmp_path: Path) -> None:
     def leg(name: str, y: float) -> str:
-        shank = hanging(f"{name}_shank", 0.0, 0.3)
-        return hanging(f"{name}_thigh", y, 0.02, f'<body name="{name}_bracket" pos="0 0 -0.2">{shank}</body>')
+        shank = limb(f"{name}_shank", 0.0, 0.3)
+        return limb(f"{name}_thigh", y, 0.02, f'<body name="{name}_bracket" pos="0 0 -0.2">{shank}</body>')
 
     source = read(tmp_path, on_base(leg("l", 0.1), leg("r", -0.1)))
     assert feet_of(source) == ["l_shank", "r_shank"]
@@ -34,7 +34,7 @@ def test_a_limb_ends_where_no_joint_follows_also_behind_a_fixed_part(tmp_path: P
 
 def test_a_part_that_is_fixed_to_a_limbs_end_may_have_the_foots_name(tmp_path: Path) -> None:
     toe = '<body name="{}_pad" pos="0 0 -0.2"><geom size="0.01" mass="0.01"/></body>'
-    limbs = (hanging(name, y, 0.2, toe.format(name)) for name, y in (("a", 0.1), ("b", -0.1)))
+    limbs = (limb(name, y, 0.2, toe.format(name)) for name, y in (("a", 0.1), ("b", -0.1)))
     source = read(tmp_path, on_base(*limbs))
     assert feet_of(source, "b_pad", "a") == ["b", "a"]
     assert find_limbs(source, ("b_pad", "a")).guesses == ()
@@ -42,14 +42,14 @@ def test_a_part_that_is_fixed_to_a_limbs_end_may_have_the_foots_name(tmp_path: P
 
 
 def test_the_base_is_the_free_body_with_the_most_joints(tmp_path: Path) -> None:
-    text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
+    text = on_base(limb("a", 0.1, 0.2), limb("b", -0.1, 0.2))
     crate = '<worldbody><body name="crate"><freejoint/><geom size="1"/></body>'
     source = read(tmp_path, text.replace("<worldbody>", crate))
     assert source.model.body(find_limbs(source).base).name == "base"
 
 
 def test_an_upper_body_is_refused_unless_its_hands_are_named_as_feet(tmp_path: Path) -> None:
-    text = on_base(hanging("left_gripper", 0.1, 0.2), hanging("right_gripper", -0.1, 0.2))
+    text = on_base(limb("left_gripper", 0.1, 0.2), limb("right_gripper", -0.1, 0.2))
     source = read(tmp_path, text)
     with pytest.raises(UserError, match=r"left_gripper, right_gripper, .*--feet"):
         find_limbs(source)
@@ -64,7 +64,7 @@ def test_limbs_that_reach_as_low_as_the_named_feet_are_mentioned(tmp_path: Path)
 
 
 def test_joints_that_cannot_be_driven_are_named(tmp_path: Path) -> None:
-    text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2))
+    text = on_base(limb("a", 0.1, 0.2), limb("b", -0.1, 0.2))
     for old, new, named in (
         ('name="b_joint" axis="0 1 0"', 'name="b_joint" type="slide"', "b_joint .*slide"),
         ("</mujoco>", '<equality><joint joint1="b_joint" joint2="a_joint"/></equality></mujoco>', "b_joint"),

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from foreign_robots import UNUSUAL, hanging, on_base, read
+from foreign_robots import UNUSUAL, limb, on_base, read
 from posed import mass_matrix
 
 from footfall.common.errors import UserError
@@ -72,15 +72,15 @@ LIGHT = """<body name="light" pos="0 0.1 0" euler="0.3 0 0"><joint name="first" 
 
 
 def test_a_massless_link_with_a_contact_or_two_children_is_refused(tmp_path: Path) -> None:
-    child = hanging("a_foot", 0.05, 0.6)
-    for extra in ('<geom size="0.01" mass="0"/>', hanging("b_foot", 0.1, 0.4)):
+    child = limb("a_foot", 0.05, 0.6)
+    for extra in ('<geom size="0.01" mass="0"/>', limb("b_foot", 0.1, 0.4)):
         with pytest.raises(UserError):
-            build_machine(read(tmp_path, on_base(LIGHT.format(child + extra), hanging("c", -0.1, 0.4))), "x")
+            build_machine(read(tmp_path, on_base(LIGHT.format(child + extra), limb("c", -0.1, 0.4))), "x")
 
 
 def test_links_behind_a_massless_link_keep_their_parents(tmp_path: Path) -> None:
-    shin = hanging("c_foot", 0.0, 0.4).replace('pos="0 0.0 0"', 'pos="0 0 -0.2"')
-    text = on_base(LIGHT.format(hanging("a_foot", 0.05, 0.6)), hanging("c", -0.1, 0.2, shin))
+    shin = limb("c_foot", 0.0, 0.4).replace('pos="0 0.0 0"', 'pos="0 0 -0.2"')
+    text = on_base(LIGHT.format(limb("a_foot", 0.05, 0.6)), limb("c", -0.1, 0.2, shin))
     machine, _ = build_machine(read(tmp_path, text), "x")
     links = [(link.name, link.parent) for link in machine.links]
     assert links == [("base", -1), ("a_foot", 0), ("c", 0), ("c_foot", 2)]

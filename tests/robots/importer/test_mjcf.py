@@ -5,7 +5,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from foreign_robots import hanging, on_base, read
+from foreign_robots import limb, on_base, read
 
 
 @pytest.mark.parametrize(
@@ -22,13 +22,11 @@ from foreign_robots import hanging, on_base, read
         ('<motor site="a_site" ctrlrange="-6 6"/>', "", {}),
     ],
 )
-def test_a_joints_torque_is_all_that_its_actuators_give_within_its_limit(
+def test_a_joints_torque_is_the_sum_over_its_actuators_within_its_own_limit(
     tmp_path: Path, actuators: str, joint: str, expected: dict[str, float]
 ) -> None:
-    first = hanging("a", 0.1, 0.2, '<site name="s"/><site name="a_site"/>').replace(
-        "range=", f"{joint} range="
-    )
-    text = on_base(first, hanging("b", -0.1, 0.2), extra=f"<actuator>{actuators}</actuator>")
+    first = limb("a", 0.1, 0.2, '<site name="s"/><site name="a_site"/>').replace("range=", f"{joint} range=")
+    text = on_base(first, limb("b", -0.1, 0.2), extra=f"<actuator>{actuators}</actuator>")
     found = read(tmp_path, text).peak_torque_nm
     assert found == pytest.approx(expected)
 
@@ -36,18 +34,18 @@ def test_a_joints_torque_is_all_that_its_actuators_give_within_its_limit(
 @pytest.mark.parametrize(
     ("names", "knee"), [(("run", "my_Home"), 0.2), (("run", "walk"), 0.1), (("stand", "home"), 0.1)]
 )
-def test_the_pose_is_a_standing_key(tmp_path: Path, names: tuple[str, str], knee: float) -> None:
+def test_the_pose_is_that_of_a_keyframe(tmp_path: Path, names: tuple[str, str], knee: float) -> None:
     keys = "".join(
         f'<key name="{name}" qpos="0 0 1 1 0 0 0 {angle} {-angle}"/>'
         for name, angle in zip(names, (0.1, 0.2), strict=True)
     )
-    text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2), extra=f"<keyframe>{keys}</keyframe>")
+    text = on_base(limb("a", 0.1, 0.2), limb("b", -0.1, 0.2), extra=f"<keyframe>{keys}</keyframe>")
     assert read(tmp_path, text).pose_rad == {"a_joint": knee, "b_joint": -knee}
 
 
-def test_reserved_keyframes_are_no_pose(tmp_path: Path) -> None:
+def test_reserved_keyframes_give_no_pose(tmp_path: Path) -> None:
     """Models of gymnasium and PyBullet reserve keyframes that they do not have."""
-    reserved = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2), extra='<size nkey="5"/>')
+    reserved = on_base(limb("a", 0.1, 0.2), limb("b", -0.1, 0.2), extra='<size nkey="5"/>')
     source = read(tmp_path, reserved)
     assert source.model.nkey == 5
     assert source.pose_rad == {}
@@ -57,14 +55,14 @@ def test_a_mesh_is_at_its_geoms_position(tmp_path: Path) -> None:
     """A wedge is moved, and turned by a quarter turn about z: (x, y) becomes (-y, x)."""
     mesh = '<asset><mesh name="wedge" vertex="0.1 0 0  0.4 0 0  0.1 0.2 0  0.1 0 0.3"/></asset>'
     shoe = f'<geom type="mesh" mesh="wedge" pos="1 2 3" quat="{np.sqrt(0.5)} 0 0 {np.sqrt(0.5)}"/>'
-    source = read(tmp_path, on_base(hanging("a", 0.1, 0.2, shoe), hanging("b", -0.1, 0.2), extra=mesh))
+    source = read(tmp_path, on_base(limb("a", 0.1, 0.2, shoe), limb("b", -0.1, 0.2), extra=mesh))
     points = next(iter(source.meshes.values()))
     np.testing.assert_allclose(points.min(axis=0), [0.8, 2.1, 3.0], atol=1e-6)
     np.testing.assert_allclose(points.max(axis=0), [1.0, 2.4, 3.3], atol=1e-6)
 
 
 def test_unnamed_parts_get_names_and_the_tree_a_free_joint(tmp_path: Path) -> None:
-    text = on_base(hanging("a", 0.1, 0.2), hanging("b", -0.1, 0.2)).replace("<freejoint/>", "")
+    text = on_base(limb("a", 0.1, 0.2), limb("b", -0.1, 0.2)).replace("<freejoint/>", "")
     text = text.replace('name="a_joint"', "").replace('name="b_joint"', 'name="floating_base"')
     source = read(tmp_path, text.replace("<worldbody>", '<worldbody><body><geom size="1"/></body>'))
     names = [source.model.joint(joint).name for joint in range(source.model.njnt)]
