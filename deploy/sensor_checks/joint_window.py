@@ -4,14 +4,32 @@ Readings are added every `SAMPLE_S` and compared every `period_s`: this keeps a 
 single spikes.
 """
 
-from typing import NamedTuple
+import math
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from footfall.common.arrays import clamped
 from footfall.deploy.drivers.imu import Inertial
 from footfall.robots.actuator import JointCommand, pd_torque
 
 SAMPLE_S = 0.004  # interval of added readings: a fraction of a leg's swing
+_ZERO = np.zeros(())
+
+
+class WindowLimits(Protocol):
+    """The part of `SensorLimits` that several checks of joints share."""
+
+    @property
+    def period_s(self) -> float: ...
+    @property
+    def drift_memory_s(self) -> float: ...
+    @property
+    def filter_s(self) -> float: ...
+    @property
+    def reading_rad(self) -> float: ...
+    @property
+    def lag_s(self) -> float: ...
 
 
 class JointWindow(NamedTuple):
@@ -23,11 +41,14 @@ class JointWindow(NamedTuple):
     travel: np.ndarray  # rad, integral of the velocities
     position_error: np.ndarray  # rad, change of the position minus the travel
     late_s: np.ndarray  # difference between the ages of the oldest and the youngest reading
+    late_travel: np.ndarray  # rad, largest effect of late velocities on the travel; decays
     speed: np.ndarray  # mean, rad/s
     jolts: np.ndarray  # sum of the absolute second differences of the velocity readings, rad/s
     torque: np.ndarray  # mean of the reported torque, N m
     strongest: np.ndarray  # largest absolute reported torque, N m
     expected: np.ndarray  # mean expected torque from the last commands, N m
+    uncertainty: np.ndarray  # N m, effect of a reading's error on it
+    certain: np.ndarray  # its absolute value beyond that effect, N m
     stiffness: np.ndarray  # of the last command, N m/rad
     target_speed: np.ndarray  # speed of the position target, rad/s
     target_travel: np.ndarray  # travel of the position target in the previous window, rad
@@ -47,7 +68,7 @@ def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.nd
         0.0,
         joints,
         np.zeros(joints.shape, bool),
-        *(none,) * 11,
+        *(none,) * 14,
         np.zeros(joints.shape),
         none,
         np.zeros((2, len(none))),
@@ -77,13 +98,15 @@ class _Readings:
 class JointWindows:
     """Adds readings until a window is full."""
 
-    def __init__(self, joints: int, period_s: float, tick_s: float) -> None:
-        """Windows of `joints` joints that last `period_s` at ticks of `tick_s`."""
-        self._n = joints
+    def __init__(self, joints: int, limits: WindowLimits, tick_s: float) -> None:
+        """Windows of `joints` joints that last `limits.period_s` at ticks of `tick_s`."""
+        self._n, self._limits = joints, limits
+        period_s = limits.period_s
         self.sample_s = tick_s * max(1, round(min(SAMPLE_S, period_s) / tick_s))
         self._sample_us = round(1e6 * (self.sample_s - tick_s / 2))  # half a tick early, because of rounding
         self._count = max(1, round(period_s / self.sample_s))  # number of readings per window
         self._gap_us = round(1e6 * max(period_s / 2, 1.5 * self.sample_s))
+        self._lag_s = limits.filter_s + self.sample_s / 2  # of a velocity with a jump between two readings
         self.begin(0, np.zeros(joints, np.int64), np.zeros((3, joints)), np.zeros(joints))
 
     def begin(self, now_us: int, arrived_us: np.ndarray, joints: np.ndarray, target: np.ndarray) -> None:
@@ -94,7 +117,8 @@ class JointWindows:
         self._change = np.zeros(self._n)  # change of the velocities between readings, rad/s
         self._target_travel = np.zeros(self._n)
         self._end_position = joints[0]  # positions at the end of the last window, rad
-        self._youngest_us = (now_us - arrived_us).astype(float)  # smallest age of each motor's readings
+        self._youngest_us = now_us - arrived_us  # smallest age of each motor's readings
+        self._late_s, self._fastest = np.zeros((2, self._n))  # s, and rad/s; both decay
 
     def due(self, now_us: int) -> bool:
         """Whether the next readings are due."""
@@ -156,59 +180,87 @@ class JointWindows:
             temperature_c: (n,) degrees Celsius; NaN if not reported.
             voltage: (n,) supply voltage of the motors, V; NaN if not reported.
         """
-        readings = self._readings
-        window = self._window(stiffness, target, temperature_c, voltage)
-        self._target_travel = np.abs(target - self._target)
-        self._target = target
+        readings, target_travel = self._readings, np.abs(target - self._target)
+        joints, arrived_us = np.array(readings.joints), np.array(readings.arrived_us)
+        late_us = self._late_us(readings.added_us, arrived_us[1:])
+        jolts = self._jolts(joints[:, 1])
+        window = None
+        if readings.gap:
+            self._end_position = joints[-1, 0]
+        else:
+            window = self._window(
+                joints, arrived_us, 1e-6 * late_us, jolts, stiffness, target_travel, temperature_c, voltage
+            )
+        self._target_travel, self._target = target_travel, target
         self._readings = _Readings(self._added_us, readings.joints[-1], readings.arrived_us[-1])
-        return None if readings.gap else window
+        return window
 
     def _window(
-        self, stiffness: np.ndarray, target: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray
+        self,
+        joints: np.ndarray,
+        arrived_us: np.ndarray,
+        late_s: np.ndarray,
+        jolts: np.ndarray,
+        stiffness: np.ndarray,
+        target_travel: np.ndarray,
+        temperature_c: np.ndarray,
+        voltage: np.ndarray,
     ) -> JointWindow:
-        readings, count = self._readings, len(self._readings.inertials)
+        """Window of readings (k + 1, 3, n) that arrived at times (k + 1, n); the first is from before it."""
+        readings, limits = self._readings, self._limits
+        new, velocity, count = joints[1:], joints[:, 1], len(joints) - 1
         elapsed_s = (self._added_us - readings.began_us) * 1e-6
-        joints, sent = np.array(readings.joints), np.array(readings.sent)
-        new, velocity = joints[1:], joints[:, 1]
-        arrived_us = np.array(readings.arrived_us)
         half_s = 0.5e-6 * (arrived_us[1:] - arrived_us[:-1])
         travel = np.add.accumulate(half_s * (velocity[1:] + velocity[:-1]))
         mean = np.add.reduce(new) / count
         # Each position minus the travel until then gives the start of the window. The mean has less noise.
-        started = np.add.reduce(new[:, 0] - travel) / count
+        started = mean[0] - np.add.reduce(travel) / count
         position_error = started - self._end_position
-        self._end_position = joints[-1, 0] if readings.gap else started + travel[-1]
-        last, before = _torque(sent, new), _torque(np.array(readings.sent_before), new)
+        self._end_position = started + travel[-1]
+        torques = _torques(readings.sent_before + readings.sent, new)
+        expected = np.add.reduce(_expected(torques)) / count
+        speed = np.abs(mean[1])
+        uncertainty = stiffness * (limits.reading_rad + limits.lag_s * speed)
         return JointWindow(
             elapsed_s=elapsed_s,
-            joints=joints[-1],
+            joints=readings.joints[-1],
             repeated=np.logical_and.reduce(new == joints[:-1]),
             travel=travel[-1],
             position_error=position_error,
-            late_s=1e-6 * self._late_us(arrived_us[1:]),
-            speed=np.abs(mean[1]),
-            jolts=self._jolts(velocity),
+            late_s=late_s,
+            late_travel=self._late_travel(elapsed_s, late_s, np.abs(joints[-1, 1])),
+            speed=speed,
+            jolts=jolts,
             torque=mean[2],
             strongest=np.maximum.reduce(np.abs(new[:, 2])),
-            expected=np.add.reduce(_expected(last, before)) / count,
+            expected=expected,
+            uncertainty=uncertainty,
+            certain=np.maximum(np.abs(expected) - uncertainty, 0.0),
             stiffness=stiffness,
-            target_speed=np.abs(target - self._target) / elapsed_s,
+            target_speed=target_travel / elapsed_s,
             target_travel=self._target_travel,
             mean=mean,
-            commanded_mean=np.add.reduce(last) / count,
-            gains=sent[-1, 2:4],
+            commanded_mean=np.add.reduce(torques[1]) / count,
+            gains=readings.sent[-1][2:4],
             torques=new[:, 2],
             commanded=np.array((readings.smallest, readings.minus_largest)),
             temperature_c=temperature_c,
             voltage=voltage,
         )
 
-    def _late_us(self, arrived_us: np.ndarray) -> np.ndarray:
+    def _late_us(self, added_us: list[int], arrived_us: np.ndarray) -> np.ndarray:
         """Difference between the ages of the oldest reading of a window and the youngest one so far, (n,)."""
-        age_us = np.array(self._readings.added_us)[:, None] - arrived_us
-        youngest_us = np.minimum.accumulate((self._youngest_us, *age_us))
+        age_us = np.array(added_us)[:, None] - arrived_us
+        youngest_us = np.minimum(np.minimum.accumulate(age_us), self._youngest_us)
         self._youngest_us = youngest_us[-1]
-        return np.maximum.reduce(age_us - youngest_us[1:])
+        return np.maximum.reduce(age_us - youngest_us)
+
+    def _late_travel(self, elapsed_s: float, late_s: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        """`JointWindow.late_travel`, for speeds (n,) at the end of the window, rad/s."""
+        kept = math.exp(-elapsed_s / self._limits.drift_memory_s)  # late readings have arrived since then
+        self._late_s = kept * self._late_s + late_s
+        self._fastest = np.maximum(kept * self._fastest, speed)
+        return (self._lag_s + self._late_s) * self._fastest
 
     def _jolts(self, velocity: np.ndarray) -> np.ndarray:
         """Sum of the second differences of velocities (k, n), without their signs, (n,)."""
@@ -217,17 +269,18 @@ class JointWindows:
         return np.add.reduce(np.abs(changes[1:] - changes[:-1]))
 
 
-def _torque(commands: np.ndarray, readings: np.ndarray) -> np.ndarray:
-    """Torques of commands (k, 5, n) at readings (k, 3, n), N m, (k, n)."""
+def _torques(commands: list[np.ndarray], readings: np.ndarray) -> np.ndarray:
+    """Torques at readings (k, 3, n) of 2 k commands (5, n), two for each reading, N m, (2, k, n)."""
+    count, _, n = readings.shape
+    of_readings = np.array(commands).reshape(2, count, 5, n)
     position, velocity = readings[:, 0], readings[:, 1]
-    return pd_torque(JointCommand.of(commands.swapaxes(0, 1)), position, velocity)
+    return pd_torque(JointCommand.of(of_readings.transpose(2, 0, 1, 3)), position, velocity)
 
 
-def _expected(last: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """Expected torque in a reading, N m, from the torques of the last command and the one before.
+def _expected(torques: np.ndarray) -> np.ndarray:
+    """Expected torque in each reading, N m, (k, n), from the torques of the last two commands, (2, k, n).
 
     A reply to a command was measured before the command acts, another kind of message afterwards: so this
     is the smaller torque of the two commands, and 0 if their signs differ.
     """
-    low, high = np.minimum(last, before), np.maximum(last, before)
-    return np.maximum(low, 0.0) + np.minimum(high, 0.0)
+    return clamped(_ZERO, np.minimum(*torques), np.maximum(*torques))

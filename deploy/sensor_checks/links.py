@@ -84,7 +84,9 @@ class Unanswered(LinkCheck):
     _limits: LinkLimits
 
     def reset(self) -> None:
-        self._lost, self._arrived, self._baseline = np.zeros(self._n), np.zeros(self._n), np.ones(self._n)
+        self._lost, self._arrived = np.zeros((2, self._n))
+        # With `lost_share` 1 a motor may send nothing in first rest: then it loses nothing later.
+        self._answered, self._inverse = np.ones((2, self._n))  # 0 or 1, and 1 / usual rate, or 0
         self._windows = 0
 
     def measure(self, window: LinkWindow) -> np.ndarray:
@@ -92,11 +94,12 @@ class Unanswered(LinkCheck):
         if window.resting:
             self._windows += 1
             self._arrived = self._arrived + rate
-            self._baseline = np.maximum(self._arrived / self._windows, 1.0 - self._limits.lost_share)
+            usual = np.maximum(self._arrived / self._windows, 1.0 - self._limits.lost_share)
+            self._answered = (usual > 0.0).astype(float)
+            self._inverse = self._answered / np.where(usual > 0.0, usual, 1.0)
             lost = 1.0 - rate if window.answering else 0.0 * rate
         else:
-            # With `lost_share` 1 the usual rate may be 0, of a motor that was silent in first rest.
-            lost = 1.0 - np.divide(rate, self._baseline, out=np.ones(self._n), where=self._baseline > 0.0)
+            lost = self._answered - rate * self._inverse
         self._lost = _updated(self._lost, lost, window, self._limits)
         return self._lost
 

@@ -1,9 +1,11 @@
 """Runs all sensor checks on a robot's readings.
 
-The base is checked in the tick after the joints, so that no tick takes much longer than the others.
+Messages are checked at the end of a window, joints in the next tick and the base in the one after it, so that
+no tick takes much longer than the others.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +22,15 @@ from footfall.deploy.sensor_checks.table import BODY_CHECKS, JOINT_CHECKS, LINK_
 from footfall.deploy.signals import Implausible
 from footfall.deploy.wiring import Wiring
 from footfall.robots.description import Robot
+
+
+class _AtEnd(NamedTuple):
+    """Last command and state of the motors at the end of a window, as for `JointWindows.close`."""
+
+    stiffness: np.ndarray
+    target: np.ndarray
+    temperature_c: np.ndarray
+    voltage: np.ndarray
 
 
 class SensorMonitor:
@@ -42,7 +53,7 @@ class SensorMonitor:
         """
         n = len(robot.joint_names)
         self._labels = [wiring.label(joint) for joint in range(n)]
-        self._windows = JointWindows(n, limits.period_s, tick_s)
+        self._windows = JointWindows(n, limits, tick_s)
         sample_s = self._windows.sample_s
         self._joint_checks = [check(robot, limits, sample_s) for check in joint_checks]
         self._joint_limits = _rows([check.limit.of(robot, limits) for check in joint_checks], n)
@@ -56,6 +67,7 @@ class SensorMonitor:
         self._resting_rad_s, self._moving_rad_s = limits.resting_rad_s, limits.moving_rad_s
         self._attitude = None if legs_of(robot) is None else LegAttitude(robot, limits)
         self._inertial = Inertial((0.0,) * 3, (0.0,) * 3, (1.0, 0.0, 0.0, 0.0))  # of the last window
+        self._closing: _AtEnd | None = None  # for `joint_contradiction`, at the end of a window
         self._body: BodyReadings | None = None  # readings for `body_contradiction`
 
     def begin(
@@ -72,7 +84,7 @@ class SensorMonitor:
         `again`: keep the usual rates of messages.
         """
         self._windows.begin(now_us, arrived_us, joints, target)
-        self._inertial, self._body = inertial, None
+        self._inertial, self._closing, self._body = inertial, None, None
         links = () if again else self._link_checks
         for check in (*self._joint_checks, *(check for check, _ in (*self._body_checks, *links))):
             check.reset()
@@ -94,7 +106,7 @@ class SensorMonitor:
         resting: bool,
         unfolding: bool = False,
     ) -> Implausible | None:
-        """Process a tick; returns the first contradiction if readings are compared in this tick.
+        """Process a tick; returns the first contradiction, if readings are compared in this tick.
 
         Args:
             now_us: time of the loop.
@@ -106,6 +118,9 @@ class SensorMonitor:
         """
         self._links.count_command()
         found = self.body_contradiction(on_legs)
+        if self._closing is not None:
+            contradiction, self._closing = self.joint_contradiction(*self._closing), None
+            found = found or contradiction
         if found is not None or not self._windows.due(now_us):
             return found
         arrived_us, imu_us, _ = joints.last_arrivals()
@@ -124,12 +139,9 @@ class SensorMonitor:
         fast = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
         # The base of a lying robot is at rest while its legs move.
         moving = fast and (on_legs or not (resting or unfolding))
+        self._closing = _AtEnd(joints.stiffness, joints.target, joints.temperature_c, joints.voltage)
         links = self._links.close(now_us, joints.replies, joints.imu_older, moving, resting)
-        found = self.link_contradiction(links)
-        contradiction = self.joint_contradiction(
-            joints.stiffness, joints.target, joints.temperature_c, joints.voltage
-        )
-        return found or contradiction
+        return self.link_contradiction(links)
 
     def link_contradiction(self, window: LinkWindow) -> Implausible | None:
         """First contradiction in the messages of a window."""

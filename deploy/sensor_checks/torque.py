@@ -48,12 +48,6 @@ class TorqueLimits(Memory):
             )
 
 
-def _certain(window: JointWindow, limits: TorqueLimits) -> np.ndarray:
-    """Part of the expected torque beyond the effect of a reading's error, N m, (n,)."""
-    uncertainty = window.stiffness * (limits.reading_rad + limits.lag_s * window.speed)
-    return np.maximum(np.abs(window.expected) - uncertainty, 0.0)
-
-
 class NoTorque(JointCheck):
     """Time for which a motor has reported no torque while much was expected, s. Any report resets it."""
 
@@ -63,7 +57,7 @@ class NoTorque(JointCheck):
 
     def __init__(self, robot: Robot, limits: TorqueLimits, sample_s: float) -> None:
         peak = robot.motor.peak_torque
-        self._n, self._limits = len(peak), limits
+        self._n = len(peak)
         self._hidden, self._little = limits.torque_hidden * peak, limits.torque_little * peak
         self._span = (limits.torque_much - limits.torque_hidden) * peak
         self.reset()
@@ -72,7 +66,7 @@ class NoTorque(JointCheck):
         self._no_torque_s = np.zeros(self._n)
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        expected = clamped((_certain(window, self._limits) - self._hidden) / self._span, 0.0, 1.0)
+        expected = clamped((window.certain - self._hidden) / self._span, 0.0, 1.0)
         self._no_torque_s = (window.strongest <= self._little) * (
             self._no_torque_s + window.elapsed_s * expected
         )
@@ -101,7 +95,7 @@ class Opposing(JointCheck):
     def measure(self, window: JointWindow) -> np.ndarray:
         lead = np.maximum(window.target_speed - window.speed, 0.0)
         late = window.stiffness * self._limits.lag_s * lead
-        certain = np.maximum(_certain(window, self._limits) - late, 0.0)
+        certain = np.maximum(window.certain - late, 0.0)
         kept = self._limits.kept(window.elapsed_s)
         signed = np.copysign(certain, window.expected)
         self._product = kept * self._product + (1.0 - kept) * window.torque * signed

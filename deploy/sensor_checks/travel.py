@@ -71,22 +71,17 @@ class Drift(JointCheck):
 
 
 class _SignedTravel(JointCheck):
-    """Sum of the signed errors, minus the effect of a late velocity, rad."""
+    """Sum of the signed errors, minus the effect of late velocities, rad."""
 
     memory: ClassVar[str] = "drift_memory_s"  # field of `TravelLimits`
     max_rad_s = math.inf  # limit of the rate of an error
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
         self._n, self._memory_s = len(robot.joint_names), getattr(limits, self.memory)
-        self._late_memory_s, self._min_rad_s = limits.drift_memory_s, limits.creep_rad_s
-        self._trusted_share = min(
-            1.0, 0.5 * IMPACT_S / sample_s
-        )  # of a sum of velocities that may miss an impact
-        self._lag_s = limits.filter_s + sample_s / 2  # of a velocity with a jump between two readings
         self.reset()
 
     def reset(self) -> None:
-        self._error, self._late_s, self._fastest = np.zeros((3, self._n))  # rad, s, rad/s; all decay
+        self._error = np.zeros(self._n)  # rad; decays
 
     def _updated(
         self, window: JointWindow, running: np.ndarray | float = 1.0, used: np.ndarray | float = 1.0
@@ -101,11 +96,8 @@ class _SignedTravel(JointCheck):
         kept = math.exp(-window.elapsed_s / self._memory_s)
         bound = self.max_rad_s * window.elapsed_s
         self._error = running * (kept * self._error + used * clamped(window.position_error, -bound, bound))
-        kept = math.exp(-window.elapsed_s / self._late_memory_s)  # late readings have arrived since then
-        self._late_s = kept * self._late_s + window.late_s
-        self._fastest = np.maximum(kept * self._fastest, np.abs(window.joints[1]))
-        allowed: np.ndarray = (self._lag_s + self._late_s) * self._fastest
-        return np.abs(self._error) - allowed
+        error: np.ndarray = np.abs(self._error) - window.late_travel
+        return error
 
 
 class Wander(_SignedTravel):
@@ -136,7 +128,10 @@ class Creep(_SignedTravel):
     limit = Limit("creep_rad")
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
+        self._min_rad_s = limits.creep_rad_s
         self._uncertain_s = limits.creep_share * 0.25 * sample_s  # a jump shows in two second differences
+        # Of a sum of velocities that may miss an impact.
+        self._trusted_share = min(1.0, 0.5 * IMPACT_S / sample_s)
         super().__init__(robot, limits, sample_s)
 
     def reset(self) -> None:

@@ -17,6 +17,8 @@ from footfall.deploy.sensor_checks.joint_window import JointWindow
 from footfall.deploy.sensor_checks.torque import TorqueLimits
 from footfall.robots.description import Robot
 
+WINDOWS_PER_SHARE = 2  # commands are ignored for long, and this check takes more time than others
+
 
 @dataclass(frozen=True)
 class UnexplainedLimits:
@@ -54,6 +56,7 @@ class Unexplained(JointCheck):
 
     def __init__(self, robot: Robot, limits: Limits, sample_s: float) -> None:
         self._n, self._limits, self._peak = len(robot.joint_names), limits, robot.motor.peak_torque
+        self._hidden = limits.torque_hidden * self._peak
         self._samples = 1 + math.ceil(limits.explained_s / sample_s)
         self.reset()
 
@@ -63,26 +66,22 @@ class Unexplained(JointCheck):
 
     def _beyond(self, window: JointWindow) -> np.ndarray:
         """Torque of each report beyond the explained range, N m, (samples, n); negative if explained."""
-        limits, before = self._limits, self._commanded
+        before = self._commanded
         if before is None:
             before = np.repeat(window.commanded[:, :1], self._samples - 1, axis=1)
         commanded = np.concatenate((before, window.commanded), axis=1)
         self._commanded = commanded[:, 1 - self._samples :]
         smallest, minus_largest = _smallest_of_last(commanded, self._samples)
-        lag_rad = limits.reading_rad + limits.lag_s * window.speed
-        uncertainty = limits.torque_hidden * self._peak + window.stiffness * lag_rad
-        uncertainty = uncertainty - limits.strength_share * np.minimum(
-            np.minimum(smallest, minus_largest), 0.0
-        )
-        beyond: np.ndarray = (
-            np.maximum(window.torques + minus_largest, smallest - window.torques) - uncertainty
-        )
+        lacking = self._limits.strength_share * np.minimum(np.minimum(smallest, minus_largest), 0.0)
+        beyond: np.ndarray = np.maximum(window.torques + minus_largest, smallest - window.torques)
+        beyond += lacking
+        beyond -= self._hidden + window.uncertainty
         return beyond
 
     def measure(self, window: JointWindow) -> np.ndarray:
         beyond, kept = self._beyond(window), math.exp(-window.elapsed_s / self._limits.unexplained_memory_s)
         self._value = kept * self._value
-        if beyond.max() > 0.0:
+        if np.maximum.reduce(beyond, axis=None) > 0.0:
             self._value += (1.0 - kept) * np.maximum(beyond, 0.0).mean(axis=0) / self._peak
         return self._value
 
@@ -113,16 +112,24 @@ class CommandsIgnored(JointCheck):
     def reset(self) -> None:
         # (6, n) each: position, velocity, torque, commanded torque, kp, kd
         self._windows: deque[np.ndarray] = deque()
+        self._added, self._share = 0, np.zeros(self._n)
 
     def measure(self, window: JointWindow) -> np.ndarray:
         # A report may lag by this number of windows.
         late_windows = math.ceil(self._limits.explained_s / window.elapsed_s)
-        count = math.ceil(self._limits.commands_ignored_s / window.elapsed_s)
+        count = max(2, math.ceil(self._limits.commands_ignored_s / window.elapsed_s))
         self._windows.append(np.concatenate((window.mean, window.commanded_mean[None], window.gains)))
         while len(self._windows) > count + late_windows:
             self._windows.popleft()
+        self._added += 1
         if len(self._windows) < count + late_windows:
-            return np.zeros(self._n)
+            self._share = np.zeros(self._n)
+        elif self._added % WINDOWS_PER_SHARE == 0:
+            self._share = self._ignored_share(count)
+        return self._share
+
+    def _ignored_share(self, count: int) -> np.ndarray:
+        """Share of the changes in the first `count` windows that all windows do not follow, (n,)."""
         position, velocity, torque, commanded, kp, kd = np.array(self._windows).transpose(1, 0, 2)
         old_windows = np.array([kp.argmin(axis=0), kp.argmax(axis=0)]), self._joints
         readings = kp[old_windows][:, None] * position
@@ -133,22 +140,33 @@ class CommandsIgnored(JointCheck):
         changes = _changed(np.concatenate((commanded + readings, at_mean[None]))[:, :count])
         changed, changed_at_mean = changes[:2], changes[2]
         ignored = (changed - followed) / np.maximum(changed, self._min_change)
-        return np.where(changed_at_mean > self._min_change, np.maximum.reduce(ignored), 0.0)
+        share: np.ndarray = np.where(changed_at_mean > self._min_change, np.maximum.reduce(ignored), 0.0)
+        return share
 
 
 def _changed(values: np.ndarray) -> np.ndarray:
-    """Standard deviation along the second axis, without one extreme value."""
-    ordered = np.sort(values, axis=1)
-    return np.minimum(_deviation(ordered[:, 1:]), _deviation(ordered[:, :-1]))
+    """Standard deviation along the second axis, without the value that is farthest from the mean.
+
+    Without a value x, the sum of the k squared distances from the mean is smaller by x^2 k / (k - 1).
+    """
+    count = values.shape[1]
+    squares = _squares(values)
+    rest = np.add.reduce(squares, axis=1) - np.maximum.reduce(squares, axis=1) * (count / (count - 1))
+    changed: np.ndarray = np.sqrt(np.maximum(rest, 0.0) / (count - 1))
+    return changed
 
 
 def _deviation(values: np.ndarray) -> np.ndarray:
     """Standard deviation along the second axis: as `values.std(axis=1)`, in half the time."""
-    count = values.shape[1]
-    centred = values - np.add.reduce(values, axis=1, keepdims=True) / count
-    centred *= centred
-    deviation: np.ndarray = np.sqrt(np.add.reduce(centred, axis=1) / count)
+    deviation: np.ndarray = np.sqrt(np.add.reduce(_squares(values), axis=1) / values.shape[1])
     return deviation
+
+
+def _squares(values: np.ndarray) -> np.ndarray:
+    """Squared distances from the mean along the second axis."""
+    distances = values - np.add.reduce(values, axis=1, keepdims=True) / values.shape[1]
+    distances *= distances
+    return distances
 
 
 def _smallest_of_last(values: np.ndarray, count: int) -> np.ndarray:

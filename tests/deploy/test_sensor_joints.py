@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -160,9 +161,17 @@ class TestTorques:
 class TestCommandsIgnored:
     """A joint that swings by 0.1 rad under a target that swings by 0.15 rad."""
 
-    def share(self, go1: Robot, target_of_motor: Callable[[float], float], strength: float = 1.0) -> float:
+    def share(
+        self,
+        go1: Robot,
+        target_of_motor: Callable[[float], float],
+        strength: float = 1.0,
+        time_s: float = 0.6,
+    ) -> float:
         """The check's value after 1.2 s of a motor that pulls to this target with 20 N m/rad."""
-        readings, sent, joints = JointReadings(go1, CommandsIgnored), np.zeros((5, 12)), np.zeros((3, 12))
+        limits = replace(LIMITS, commands_ignored_s=time_s)
+        readings = JointReadings(go1, CommandsIgnored, limits=limits)
+        sent, joints = np.zeros((5, 12)), np.zeros((3, 12))
         sent[2], sent[3] = 20.0, 0.5
         readings.begin(0, np.zeros(12, np.int64), joints)
         for k in range(1, 301):
@@ -184,6 +193,9 @@ class TestCommandsIgnored:
         assert self.share(go1, lambda _: 0.02) > 0.95
         assert max(self.share(go1, self.target), self.share(go1, late)) < 0.1
         assert self.share(go1, late, strength=0.45) < 0.6 < LIMITS.commands_ignored
+
+    def test_two_windows_show_no_change(self, go1: Robot) -> None:
+        assert self.share(go1, lambda _: 0.02, time_s=0.01) == 0.0
 
     def test_noise_of_a_still_joint_is_no_command(self, go1: Robot) -> None:
         """The controller holds the joint stiffly, and then only damps it."""

@@ -109,7 +109,10 @@ def test_a_made_up_check_is_judged_and_reset(go1: Robot) -> None:
 def test_a_gap_of_half_or_1_5_periods() -> None:
     for period_s, longest_us in ((0.04, 20_000), (0.004, 6000)):
         for silence_us, compared in ((longest_us, True), (longest_us + 1, False)):
-            windows, times_us = JointWindows(12, period_s, 0.002), np.full(12, SAMPLE_US)
+            windows, times_us = (
+                JointWindows(12, SensorLimits(period_s=period_s), 0.002),
+                np.full(12, SAMPLE_US),
+            )
             windows.add(SAMPLE_US, silence_us, times_us, STILL, np.zeros((3, 12)), *NOTHING_SENT)
             assert (windows.close(ZEROS, ZEROS, ZEROS, ZEROS) is not None) is compared
 

@@ -30,10 +30,10 @@ def swing(time_s: float) -> tuple[float, float]:
 class JointReadings:
     """Feeds a robot's joint readings to some checks, window by window."""
 
-    def __init__(self, robot: Robot, *checks: type[JointCheck]) -> None:
+    def __init__(self, robot: Robot, *checks: type[JointCheck], limits: SensorLimits = LIMITS) -> None:
         self.n = len(robot.joint_names)
-        self.windows = JointWindows(self.n, LIMITS.period_s, 0.002)
-        self.checks = [check(robot, LIMITS, self.windows.sample_s) for check in checks]
+        self.windows = JointWindows(self.n, limits, 0.002)
+        self.checks = [check(robot, limits, self.windows.sample_s) for check in checks]
         self.values = np.zeros((len(checks), self.n))  # of the last window
         self.zeros = np.zeros(self.n)
 
