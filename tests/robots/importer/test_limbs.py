@@ -57,9 +57,9 @@ def test_an_upper_body_is_refused_unless_its_hands_are_named_as_feet(tmp_path: P
 
 
 def test_limbs_that_reach_as_low_as_the_named_feet_are_mentioned(tmp_path: Path) -> None:
-    feet = hanging("left_foot", 0.1, 0.2), hanging("right_foot", -0.1, 0.2)
+    feet = limb("left_foot", 0.1, 0.2), limb("right_foot", -0.1, 0.2)
     for length, mentioned in ((0.2, True), (0.1, False)):
-        (guess,) = find_limbs(read(tmp_path, on_base(*feet, hanging("hand", 0.0, length)))).guesses
+        (guess,) = find_limbs(read(tmp_path, on_base(*feet, limb("hand", 0.0, length)))).guesses
         assert ("hand" in guess) == mentioned
 
 
