@@ -18,13 +18,15 @@ class Tally:
         self.unexpected: dict[str, str] = {}  # tracebacks of unexpected exceptions
 
     def attempt(self, reader: str, case: int, work: Callable[[], object]) -> None:
-        """Run `work` of a reader; any exception but a UserError counts as unexpected."""
+        """Run `work` of a reader; any other exception than UserError and Ctrl-C counts as unexpected."""
         counts = self.outcomes.setdefault(reader, Counter())
         try:
             work()
             counts["accepted"] += 1
         except UserError:
             counts["refused"] += 1
+        except KeyboardInterrupt:
+            raise
         except BaseException:
             counts["unexpected"] += 1
             self.unexpected[f"{reader} {case}"] = traceback.format_exc()[-1500:]

@@ -1,5 +1,7 @@
 """Fuzzing of frames: the limits of a command, and the branches of a driver that it covers."""
 
+from unittest.mock import Mock
+
 import fuzz_frames
 import numpy as np
 import pytest
@@ -23,6 +25,13 @@ def test_random_frames_cause_no_error(model: str, known: bool) -> None:
     tally = fuzzed(model, known)
     assert tally.unexpected == {}
     assert [counts.total() for counts in tally.outcomes.values()] == [len(BATCHES)] * 2
+
+
+def test_an_interrupt_ends_the_cases_instead_of_counting_as_unexpected() -> None:
+    tally = Tally()
+    with pytest.raises(KeyboardInterrupt):
+        tally.attempt("motors", 0, Mock(side_effect=KeyboardInterrupt))
+    assert tally.unexpected == {}
 
 
 def test_a_torque_within_the_frames_range_is_compared_with_the_motors(
