@@ -2,10 +2,10 @@
 
     python benchmarks/identification.py --robot go1 --draws 20 --workers 2 [--json FILE]
 
-Each draw is a robot out of `FAMILY` with a clamped base. The code of `footfall identify record` records it
-twice, over its quantised frames. Each leg is fitted to the first recording. The second one, of another motion
-with other gains, is held out. Parameter errors are against the draw, position errors against the held-out
-recording.
+Each draw is a robot with parameters from `FAMILY` and a clamped base. The code of `footfall identify record`
+records it twice, over the quantised frames of its bus. Each leg is fitted to the first recording. The second
+one, of another motion with other gains, is held out. Parameter errors are against the draw, position errors
+against the held-out recording.
 """
 
 import argparse
@@ -45,7 +45,7 @@ FAMILY = Randomisation(
     link_mass=Distribution(0.9, 1.1),
 )
 FITTED = ExcitationConfig()  # motion that is fitted
-JUDGING = ExcitationConfig(  # held-out motion
+HELD_OUT = ExcitationConfig(  # held-out motion
     amplitude_rad=0.2,
     swing_rad=0.2,
     triangle_s=2.0,
@@ -63,7 +63,7 @@ class Target:
     unit: str
     limit: float
     per_unit: float  # factor from the quantity's unit to the error's unit
-    relative: bool
+    relative: bool  # whether the error is divided by the true value
 
 
 TARGETS = {
@@ -76,8 +76,9 @@ TARGETS = {
     "motor_strength x kp": Target("%", 1.0, 100.0, True),
     "link_mass": Target("%", 2.0, 100.0, True),
 }
-# Further targets: rms error of held-out motion, nominal error over it, share of covered true values.
-HELD_OUT_MRAD, OVER_NOMINAL, COVERED = 2.0, 5.0, 0.9
+# Further targets: maximum rms error of held-out motion, minimum ratio of the nominal error to it, minimum
+# share of true values that lie in their intervals.
+HELD_OUT_MRAD, MIN_GAIN, COVERED = 2.0, 5.0, 0.9
 
 
 @dataclass
@@ -87,8 +88,8 @@ class Outcome:
     draw: int
     leg: str
     errors: dict[str, list[float]] = field(default_factory=dict)  # by quantity, in the units of `TARGETS`
-    # By quantity: error / half-width of the interval.
-    relative_errors: dict[str, list[float]] = field(default_factory=dict)
+    # By quantity: error as a multiple of the interval's half-width.
+    interval_errors: dict[str, list[float]] = field(default_factory=dict)
     undetermined: list[str] = field(default_factory=list)
     held_out_mrad: list[float] = field(default_factory=list)
     nominal_mrad: list[float] = field(default_factory=list)
@@ -139,7 +140,7 @@ def truth_of(
 def outcome_of(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, str], float]) -> Outcome:
     """Errors of a leg's fit against the truth."""
     outcome = Outcome(number, leg.name, undetermined=[each.label for each in fit.frozen])
-    errors, relative_errors = defaultdict(list), defaultdict(list)
+    errors, interval_errors = defaultdict(list), defaultdict(list)
 
     def compare(quantity: str, value: float, true: float) -> None:
         target = TARGETS.get(quantity)
@@ -149,7 +150,7 @@ def outcome_of(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, s
     for each in fit.estimates:
         quantity, owner = each.parameter.quantity, each.parameter.owner
         true = truth.get((quantity, owner), each.parameter.declaration.nominal)
-        relative_errors[quantity].append(2.0 * (each.value - true) / (each.high - each.low))
+        interval_errors[quantity].append(2.0 * (each.value - true) / (each.high - each.low))
         offset = (
             float(leg.motor.damping[leg.joint_names.index(owner)]) if quantity == "joint_damping" else 0.0
         )
@@ -158,7 +159,7 @@ def outcome_of(number: int, leg: FixedLeg, fit: LegFit, truth: dict[tuple[str, s
         strength, kp = fit.value("motor_strength", name), fit.value("kp", name)
         if strength is not None and kp is not None:
             compare("motor_strength x kp", strength * kp, truth["motor_strength", name] * truth["kp", name])
-    outcome.errors, outcome.relative_errors = dict(errors), dict(relative_errors)
+    outcome.errors, outcome.interval_errors = dict(errors), dict(interval_errors)
     outcome.held_out_mrad = (1e3 * fit.held_out_rad).tolist()
     outcome.nominal_mrad = (1e3 * fit.nominal_rad).tolist()
     outcome.misfit = fit.misfit.tolist()
@@ -170,14 +171,14 @@ def run(name: str, number: int, legs: int) -> list[Outcome]:
     robot = load_robot(name)
     sample, all_legs = true_parameters(robot, number), fixed_legs(robot)
     with tempfile.TemporaryDirectory() as folder:
-        fitted, judging = (
+        fitted, held_out = (
             recorded(robot, sample, motion, 2 * number + index, Path(folder))
-            for index, motion in enumerate((FITTED, JUDGING))
+            for index, motion in enumerate((FITTED, HELD_OUT))
         )
     outcomes = []
     for index in range(legs):
         leg = all_legs[(number + index) % len(all_legs)]
-        fit = fit_leg(leg, [fitted], [judging])
+        fit = fit_leg(leg, [fitted], [held_out])
         outcomes.append(outcome_of(number, leg, fit, truth_of(robot, leg, sample, fitted)))
     return outcomes
 
@@ -187,7 +188,7 @@ def summary(outcomes: list[Outcome]) -> dict:
     rows = {}
     for name, target in TARGETS.items():
         sizes = np.abs([each for outcome in outcomes for each in outcome.errors.get(name, [])])
-        inside = [abs(each) <= 1.0 for outcome in outcomes for each in outcome.relative_errors.get(name, [])]
+        inside = [abs(each) <= 1.0 for outcome in outcomes for each in outcome.interval_errors.get(name, [])]
         rows[name] = {
             "unit": target.unit,
             "target": target.limit,
@@ -197,8 +198,8 @@ def summary(outcomes: list[Outcome]) -> dict:
             "within": float((sizes <= target.limit).mean()) if len(sizes) else None,
             "covered": float(np.mean(inside)) if inside else None,
         }
-    relative_errors = [values for outcome in outcomes for values in outcome.relative_errors.values()]
-    covered = [abs(each) <= 1.0 for values in relative_errors for each in values]
+    interval_errors = [values for outcome in outcomes for values in outcome.interval_errors.values()]
+    covered = [abs(each) <= 1.0 for values in interval_errors for each in values]
     held_out = np.array([each for outcome in outcomes for each in outcome.held_out_mrad])
     nominal = np.array([each for outcome in outcomes for each in outcome.nominal_mrad])
     return {
@@ -226,7 +227,7 @@ def show(found: dict) -> None:
     print(
         f"held out: median {held_out['median']:.3f}, worst {held_out['worst']:.3f} mrad rms"
         f" (target {HELD_OUT_MRAD:g}); nominal: median {nominal['median']:.2f};"
-        f" smallest gain {found['min_gain']:.0f} (target {OVER_NOMINAL:g})"
+        f" smallest gain {found['min_gain']:.0f} (target {MIN_GAIN:g})"
     )
     print(f"intervals cover {found['covered']:.1%} (target {COVERED:.0%}); misfits: {found['misfits']}")
 

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from identification import FITTED, JUDGING, recorded, true_parameters, truth_of
+from identification import FITTED, HELD_OUT, recorded, true_parameters, truth_of
 
 from footfall.cli import main as footfall
 from footfall.common.config import unstructure
@@ -87,7 +87,7 @@ def prepare(number: int, out: Path) -> None:
     robot, sample = load_robot(ROBOT), hidden(number)
     out.mkdir(parents=True)
     fitted = recorded(robot, sample, FITTED, 0, out)
-    recorded(robot, sample, JUDGING, 1, out)
+    recorded(robot, sample, HELD_OUT, 1, out)
     write_ranges(propose(robot, [], [], out / WIDE_NAME), WIDE)
     fits = []
     for leg in fixed_legs(robot):

@@ -9,7 +9,7 @@ from odometry_plot import STEP_M, drift_over_distance, plot
 
 
 def walk(distance_m: float, error_m: float, **more: Any) -> dict[str, Any]:
-    """A walk straight ahead, sampled three times, with an error to the left relative to the distance."""
+    """A walk straight ahead, sampled three times, whose error to the left grows with the distance."""
     rows = [
         {"true": [x, 0.0, 0.3], "estimated": [x, y, 0.3], "error": [0.0, y, 0.1, 0.0, 0.0, 0.0]}
         for x, y in zip(np.linspace(0.0, distance_m, 3), np.linspace(0.0, error_m, 3), strict=True)
@@ -23,12 +23,13 @@ def test_errors_are_compared_after_the_same_distance_which_most_walks_reached() 
     distance, (low, middle, high) = drift_over_distance([walk(2.0, 0.2), walk(1.0, 0.3)])
     at = round(0.5 / STEP_M)
     assert distance[at] == pytest.approx(0.5)
-    assert (low[at], middle[at], high[at]) == pytest.approx((0.055, 0.1, 0.145))  # of 0.05 and 0.15 m
+    # Percentiles of the errors of both walks: 0.05 m and 0.15 m.
+    assert (low[at], middle[at], high[at]) == pytest.approx((0.055, 0.1, 0.145))
     distance, _ = drift_over_distance([walk(9.0, 0.1), walk(2.0, 0.1), walk(1.0, 0.1)])
     assert 1.9 < distance[-1] < 2.0
 
 
-def test_a_picture_1400_pixels_wide_is_drawn_of_several_robots_and_none_of_no_walk(tmp_path: Path) -> None:
+def test_walks_of_several_robots_make_a_picture_and_no_walk_is_refused(tmp_path: Path) -> None:
     from PIL import Image
 
     fallen = walk(1.0, 5.0, fell=True, drift_percent=None)

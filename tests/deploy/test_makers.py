@@ -64,7 +64,7 @@ def test_values_are_rounded_and_clamped(wiring: Wiring, codes: list[int], share:
 
 
 def with_timeout(wiring: Wiring, setting: int) -> tuple[Any, Any, dict[int, float], int]:
-    """Both ends, the settings of the knee's motor, and the index of its changed time-out: 20 000 are 1 s."""
+    """Both ends, the settings of the knee's motor, and the index of its timeout, in units of 50 us."""
     driver, end = open_driver(wiring), open_motor_end(wiring)
     settings = (end.registers if wiring is DAMIAO else end.parameters)[1]
     timeout = damiao.TIMEOUT if wiring is DAMIAO else robstride.TIMEOUT
@@ -74,11 +74,11 @@ def with_timeout(wiring: Wiring, setting: int) -> tuple[Any, Any, dict[int, floa
 
 @pytest.mark.parametrize("wiring", [DAMIAO, ROBSTRIDE], ids=["Damiao", "RobStride"])
 def test_a_wrong_timeout_is_set_and_read_back_or_the_motor_is_not_ready(wiring: Wiring) -> None:
-    """Later the motor confirms each write, but reports its old setting."""
     for setting, kept in ((0, 2000), (4_000_000_000, 2000), (2001, 2000), (40, 40)):
         driver, end, settings, timeout = with_timeout(wiring, setting)
         read_settings(driver, end)
         assert settings[timeout] == kept
+    # A motor that confirms each write, but still reports its old setting.
     for setting, message in ((0, "has no"), (20_000, "1 s")):
         driver, end, *_ = with_timeout(wiring, setting)
         for _ in range(8):
@@ -117,7 +117,7 @@ def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str) -> Non
 
 @pytest.mark.parametrize("wiring", WIRINGS, ids=MODELS)
 def test_random_frames_raise_nothing_and_readings_stay_in_range(wiring: Wiring) -> None:
-    """The test sends 20,000 frames with identifiers of every kind on both buses, some of the right length."""
+    """The test sends 20,000 frames with identifiers of every kind on both buses, most of the right length."""
     driver, end = open_driver(wiring), open_motor_end(wiring)
     rng, count = np.random.default_rng(1), 100
     identifiers = [0x000, 0x103, 0x203, 0x003, 0x061, 0x069, 0x06E, 0x07C, 0x7FF]
@@ -179,13 +179,13 @@ class TestSeveralMakers:
     by_maker = robstride, damiao, odrive = tuple(np.arange(first, 12, 3) for first in range(3))
     end = open_motor_end(wiring)
     readings = np.array([[0.01], [0.1], [0.3]]) * joints
-    report = report(readings, 7 * (joints == 3), 44)
+    own_report = report(readings, 7 * (joints == 3), 44)
 
     def exchange(self, driver: Driver, ticks: int) -> None:
         """The motors answer queries, and ODrives send their readings."""
         for tick in range(ticks):
             queries = driver.query_settings()
-            sent = self.end.broadcast(1000 * tick, self.joints >= 0, self.report)
+            sent = self.end.broadcast(1000 * tick, self.joints >= 0, self.own_report)
             for frames in filter(None, (self.end.settings_replies(queries), sent)):
                 driver.replies(frames)
 
@@ -215,7 +215,7 @@ class TestSeveralMakers:
         received[:, requests.motor] = requests.values
         polled = np.union1d(self.robstride, self.damiao)
         np.testing.assert_allclose(received[:, polled], command[:, polled], atol=0.1)
-        frames = self.end.reply(slice(None), self.report)
+        frames = self.end.reply(slice(None), self.own_report)
         for times in (None, np.arange(len(frames.id))):
             replies = driver.replies(frames._replace(time_us=times))
             np.testing.assert_allclose(replies.values, self.readings[:, replies.motor], atol=0.02)
@@ -223,7 +223,7 @@ class TestSeveralMakers:
             assert (replies.temperature_c == 44).all()
             assert np.isnan(replies.current_a).all()
             assert (replies.time_us is None) == (times is None)
-        replies = driver.replies(self.end.broadcast(0, self.joints >= 0, self.report))
+        replies = driver.replies(self.end.broadcast(0, self.joints >= 0, self.own_report))
         assert set(np.asarray(replies.motor)) <= set(self.odrive)
         np.testing.assert_allclose(replies.values[0], self.readings[0, replies.motor], atol=1e-6)
 
@@ -237,6 +237,6 @@ class TestSeveralMakers:
         assert np.flatnonzero(~driver.not_confirmed_off()).tolist() == [4]
 
     def test_batches_of_damping_go_out_in_each_makers_own_turn(self, driver: Driver) -> None:
-        """An ODrive needs three frames, the others one: they get it each time."""
+        """An ODrive needs three frames, one in each batch. The others' one frame is in every batch."""
         one, two, three = (set(batch.id.tolist()) for batch in driver.damping(np.ones(12)))
         assert (len(one & two & three), len(one | two | three)) == (8, 8 + 3 * 4)

@@ -24,7 +24,7 @@ class TestDrift:
         assert found[0, YAW] == found[YAW, 0] == pytest.approx(-0.5e-4 * 8**2 / 2, rel=2e-3)
         np.testing.assert_allclose([found[1, 1], found[0, 1], found[1, YAW], found[2, 2]], 0.0, atol=1e-12)
 
-    def test_a_wrong_scale_is_a_share_of_the_displacement(self) -> None:
+    def test_the_error_of_a_wrong_scale_is_a_share_of_the_displacement(self) -> None:
         moved = np.array([3.0, -4.0, 0.0])
         found = PoseUncertainty(replace(NO_DRIFT, scale_error=0.02)).covariance(moved)[:3, :3]
         np.testing.assert_allclose(found, 0.0004 * np.outer(moved, moved), atol=1e-15)
@@ -39,21 +39,21 @@ class TestDrift:
         np.testing.assert_allclose(variance, [0.0012, 0.0012, 0.0012 + 0.09, 0.0])
 
 
-class TestLateness:
-    def test_constant_or_timely_velocities_have_no_error_of_lateness(self) -> None:
+class TestDelay:
+    def test_velocities_that_are_constant_or_arrive_at_once_have_no_error_from_delay(self) -> None:
         """The robot walks ahead at 0.5 m/s and sways by 0.1 m/s at 2 Hz."""
         configs = (OdometryConfig(latency_s=latency_s, latency_filter_s=0.5) for latency_s in (0.01, 0.0))
-        late, timely = map(DelayUncertainty, configs)
+        delayed, immediate = map(DelayUncertainty, configs)
         for tick in range(4000):
             velocity = [0.5, 0.1 * math.sin(math.tau * 2.0 * 0.001 * tick), 0.0]
-            late.advance(velocity, 0.001)
-            timely.advance(velocity, 0.001)
-        np.testing.assert_array_equal(late.covariance[0], 0.0)
-        np.testing.assert_allclose(timely.covariance, 0.0, atol=1e-30)
+            delayed.advance(velocity, 0.001)
+            immediate.advance(velocity, 0.001)
+        np.testing.assert_array_equal(delayed.covariance[0], 0.0)
+        np.testing.assert_allclose(immediate.covariance, 0.0, atol=1e-30)
 
-    def test_the_error_of_lateness_is_a_filters_mean_square_lag(self) -> None:
-        """A step of 1 m/s is late by 3 ms. At first, 3/4 are missing after a tick of 1 ms; a tenth counts."""
-        lateness = DelayUncertainty(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
+    def test_the_error_from_delay_is_a_filters_mean_square_lag(self) -> None:
+        """A step of 1 m/s, a delay of 3 ms: after 1 ms the lag is 3/4, and its square has a weight of 0.1."""
+        delay = DelayUncertainty(OdometryConfig(latency_s=0.003, latency_filter_s=0.009))
         for speed, expected in ((0.0, 0.0), (1.0, 0.1 * 0.75**2), (1.0, 0.09 * 0.75**2 + 0.1 * 0.75**4)):
-            lateness.advance([0.0, 0.0, speed], 0.001)
-            assert lateness.covariance[2, 2] == pytest.approx(expected)
+            delay.advance([0.0, 0.0, speed], 0.001)
+            assert delay.covariance[2, 2] == pytest.approx(expected)

@@ -59,21 +59,22 @@ def test_the_users_imu_has_filters_readings_and_ids(go1: Robot, monkeypatch: pyt
         open_driver(wiring_of(with_own(go1, hip=MOTOR, knee=MOTOR)))
 
 
-def lacking(name: str) -> type:
-    """The own driver without one of its parts."""
-    parts = {key: value for base in reversed(OwnDriver.__mro__[:-1]) for key, value in vars(base).items()}
-    return type("Lacking", (), {k: v for k, v in parts.items() if k not in (name, "__dict__", "__weakref__")})
+def without(name: str) -> type:
+    """The user's driver without one of its attributes."""
+    members = {key: value for base in reversed(OwnDriver.__mro__[:-1]) for key, value in vars(base).items()}
+    left_out = (name, "__dict__", "__weakref__")
+    return type("Incomplete", (), {key: value for key, value in members.items() if key not in left_out})
 
 
-def of_shape(*shape: int) -> property:
+def array_property(*shape: int) -> property:
     return property(lambda self: np.zeros(shape), lambda self, value: None)
 
 
-PARTS = "identifiers", "replies", "error_name", "filters", "maker", "damping", "not_confirmed_off"
-WRONG_PARTS: list[tuple[str, Any]] = [
-    ("lowest", of_shape(2)),
-    ("gain_rounding", of_shape(2, 3)),
-    ("exchange_bits", of_shape(5)),
+REQUIRED = "identifiers", "replies", "error_name", "filters", "maker", "damping", "not_confirmed_off"
+WRONG_ATTRIBUTES: list[tuple[str, Any]] = [
+    ("lowest", array_property(2)),
+    ("gain_rounding", array_property(2, 3)),
+    ("exchange_bits", array_property(5)),
     ("command", lambda self, values: values),
     ("enable", lambda self: None),
     ("zero", lambda self: no_frames()._replace(data=np.zeros((0, 7), np.uint8))),
@@ -90,22 +91,22 @@ WRONG_PARTS: list[tuple[str, Any]] = [
 
 def test_an_unsuitable_motor_driver_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, driver in (
-        *((name, lacking(name)) for name in PARTS),
-        *((name, type("Changed", (OwnDriver,), {name: part})) for name, part in WRONG_PARTS),
+        *((name, without(name)) for name in REQUIRED),
+        *((name, type("Changed", (OwnDriver,), {name: value})) for name, value in WRONG_ATTRIBUTES),
     ):
         monkeypatch.setattr(own_drivers, "Misfit", driver, raising=False)
         message = refusal_of(open_driver, two_motors("own_drivers:Misfit", "own_drivers:Misfit"))
         assert ("own_drivers:Misfit" in message, name in message) == (True, True)
 
 
-def test_a_missing_driver_is_refused_with_its_joint_or_as_the_imus() -> None:
-    for import_path, part in (
+def test_a_missing_driver_of_a_motor_or_of_the_imu_is_refused() -> None:
+    for import_path, reason in (
         ("no_such_module:Driver", "no_such_module"),
         ("own_drivers:NoSuchDriver", "NoSuchDriver"),
         ("own_drivers:REPLY", "not a class"),
         ("NoSuchMotor", "MODULE:NAME"),
     ):
         message = refusal_of(open_driver, wiring := two_motors(import_path, "RS00"))
-        assert ("joint hip" in message, part in message) == (True, True)
-        with pytest.raises(UserError, match=part):
+        assert ("joint hip" in message, reason in message) == (True, True)
+        with pytest.raises(UserError, match=reason):
             open_imu(replace(wiring, imu_protocol=import_path))

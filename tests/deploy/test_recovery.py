@@ -61,14 +61,14 @@ def ahead() -> Any:
 
 def fallen(robot: Robot, walked: bool = True, **more: Any) -> tuple[ControlLoop, FrameRobot, Hold, Hold]:
     """A loop whose robot walked or lies from the start on its side; its policy, and the get-up policy."""
-    walks, rises = Hold(robot), Hold(robot)
-    rises.name = "rises"
-    loop, body = loop_of(robot, walks, get_up=rises, safety=SAFETY, **more)
+    walking, rising = Hold(robot), Hold(robot)
+    rising.name = "rising"
+    loop, body = loop_of(robot, walking, get_up=rising, safety=SAFETY, **more)
     if walked:
         until(loop, Mode.WALKING)
     body.quaternion = ON_ITS_SIDE
     until(loop, Mode.FALLING if walked else Mode.RECOVERING)
-    return loop, body, walks, rises
+    return loop, body, walking, rising
 
 
 def to_the_end(loop: ControlLoop) -> list[Mode]:
@@ -92,14 +92,14 @@ FAULTS: dict[str, Callable[[FrameRobot, ControlLoop, Any], object]] = {
 
 class TestOnFrames:
     def test_a_robot_gets_up_stands_and_walks_on_under_the_policy_that_walked(self, go1: Robot) -> None:
-        loop, body, walks, rises = fallen(go1, command_source=(source := ahead()))
+        loop, body, walking, rising = fallen(go1, command_source=(source := ahead()))
         until(loop, Mode.RECOVERING)
         assert loop.recovery.recovered == []
         body.quaternion = UPRIGHT
         until(loop, Mode.WALKING)
-        assert (loop.state.faults, walks.resets, rises.resets) == ((), 2, 1)
-        assert (walks.seen[-1].time_s, walks.seen[-1].command.tolist()) == (0.0, [0.2, 0.0, 0.0])
-        assert not any(each.command.any() for each in rises.seen)
+        assert (loop.state.faults, walking.resets, rising.resets) == ((), 2, 1)
+        assert (walking.seen[-1].time_s, walking.seen[-1].command.tolist()) == (0.0, [0.2, 0.0, 0.0])
+        assert not any(each.command.any() for each in rising.seen)
         (recovered,) = loop.recovery.recovered
         assert ("tilt" in recovered.fault, recovered.tries) == (True, 1)
         assert source.poll.call_args.args[0].notes
@@ -108,15 +108,15 @@ class TestOnFrames:
         assert loop.walked_s < loop.now_us * 1e-6 - (recovered.stood_s - recovered.fell_s)
 
     def test_after_all_tries_the_robot_stays_down(self, go1: Robot) -> None:
-        loop, *_, rises = fallen(go1)
+        loop, *_, rising = fallen(go1)
         assert to_the_end(loop) == [Mode.FALLING, Mode.RECOVERING] * 2 + [Mode.FALLING]
-        assert (rises.resets, len(loop.state.faults)) == (2, 3)  # the fall, and each try
+        assert (rising.resets, len(loop.state.faults)) == (2, 3)  # the fall, and each try
 
     def test_a_robot_that_lies_from_the_start_gets_up_too(self, go1: Robot) -> None:
-        loop, body, walks, rises = fallen(go1, walked=False)
+        loop, body, walking, rising = fallen(go1, walked=False)
         body.quaternion = UPRIGHT
         until(loop, Mode.WALKING)
-        assert (rises.resets, walks.resets) == (1, 1)
+        assert (rising.resets, walking.resets) == (1, 1)
         loop.finish()
         to_the_end(loop)
         assert 0.0 < loop.walked_s < 1.5
@@ -124,24 +124,24 @@ class TestOnFrames:
     @pytest.mark.parametrize("fault", FAULTS)
     @pytest.mark.parametrize("mode", [Mode.RECOVERING, Mode.FALLING])
     def test_a_fault_while_getting_up_keeps_it_down(self, go1: Robot, fault: str, mode: Mode) -> None:
-        ends, source = Mode.FALLING if fault == "end" else Mode.ESTOP, ahead()
+        final, source = Mode.FALLING if fault == "end" else Mode.ESTOP, ahead()
         loop, body, *_ = fallen(go1, command_source=source)
         until(loop, mode)
         FAULTS[fault](body, loop, source)
         modes = to_the_end(loop)
         assert Mode.RECOVERING not in modes[1:]
-        assert modes[-1] in (ends, Mode.FALLING)
+        assert modes[-1] in (final, Mode.FALLING)
         if mode is Mode.RECOVERING:
-            assert modes == [mode, ends]
+            assert modes == [mode, final]
         assert not body.sent[-5][1].values[2].any()  # damped, before the motors are disabled
 
     def test_a_policy_that_fails_does_not_get_another_try(self, go1: Robot) -> None:
-        loop, *_, rises = fallen(go1)
-        rises.act = lambda inputs: 1 / 0  # type: ignore[method-assign, assignment, return-value]
+        loop, *_, rising = fallen(go1)
+        rising.act = lambda inputs: 1 / 0  # type: ignore[method-assign, assignment, return-value]
         assert to_the_end(loop) == [Mode.FALLING, Mode.ESTOP]
 
 
-class LaysDown:
+class TipOver:
     """Tips the walking robot over, then puts it on its belly with folded legs."""
 
     def __init__(self, robot: Robot) -> None:
@@ -162,7 +162,7 @@ class LaysDown:
 
 def test_a_simulated_robot_gets_up_and_its_log_replays_to_the_bit(go1: Robot, tmp_path: Path) -> None:
     config = DeployConfig(stand_s=0.4, odometry=True, joint_rate_hz=250.0)
-    log, watch, rise = tmp_path / "run.mcap", LaysDown(go1), GetUp(Rise(go1), "rise")
+    log, watch, rise = tmp_path / "run.mcap", TipOver(go1), GetUp(Rise(go1), "rise")
     episode = short_episode(duration_s=5.0, get_up=rise, log=log, config=config, lie_down=True)
     trace = run_episode(go1, Hold(go1), episode, watch)
     assert trace.faults == (), (watch.modes, trace.faults, trace.run_s)

@@ -1,4 +1,4 @@
-"""Devices that stop a robot from outside: a CAN frame and a key, up to a run on virtual buses."""
+"""Devices that stop a robot from outside: a CAN frame, a key, and a button on the bus of a walking robot."""
 
 import os
 import struct
@@ -25,21 +25,19 @@ from footfall.plant.serve import serving
 from footfall.robots.stop_inputs import StopFrame, StopInputs, StopKey
 
 FRAME = StopFrame("can1", 0x7F0, heartbeat_s=0.2)
-
-
-BEAT = frame(0x7F0, b"\0", channel=1)
+HEARTBEAT = frame(0x7F0, b"\0", channel=1)
 
 
 def test_a_frame_stops_by_its_first_byte() -> None:
     for arrives, stops in (
         (frame(0x7F0, b"\1", channel=1), True),
         (frame(0x7F0, b"", channel=1), True),
-        (joined([frame(5, b"\2", 1), BEAT, frame(0x7F0, b"\x80", 1)]), True),
+        (joined([frame(5, b"\2", 1), HEARTBEAT, frame(0x7F0, b"\x80", 1)]), True),
         (frame(0x7F0, b"\0\1\1", channel=1), False),
         (frame(0x7F0, b"\1", channel=0), False),
         (frame(0x7F1, b"\1", channel=1), False),
     ):
-        bus = StopFrameBus(Mock(receive=Mock(side_effect=([arrives], [BEAT]))), FRAME, 1)
+        bus = StopFrameBus(Mock(receive=Mock(side_effect=([arrives], [HEARTBEAT]))), FRAME, 1)
         rest = joined(bus.receive(1000))
         assert (bus.stopped is not None) is stops
         stop_frames = (arrives.id == 0x7F0) & (arrives.channel == 1)
@@ -50,7 +48,7 @@ def test_a_frame_stops_by_its_first_byte() -> None:
 
 @pytest.mark.parametrize("beats", [[], [0, 150_000, 300_000]])
 def test_a_missing_or_silent_heartbeat_stops(beats: list[int]) -> None:
-    bus = StopFrameBus(Mock(receive=lambda now_us: [BEAT] if now_us in beats else []), FRAME, 1)
+    bus = StopFrameBus(Mock(receive=lambda now_us: [HEARTBEAT] if now_us in beats else []), FRAME, 1)
     for now_us in range(0, 1_000_000, 2000):
         bus.receive(now_us)
         if bus.stopped is not None:
@@ -63,7 +61,7 @@ def test_bad_stop_inputs_are_refused(go1: Robot, own_folder: Path) -> None:
         robot = described(go1, stop_inputs=StopInputs(StopFrame(bus, identifier)))
         with pytest.raises(UserError), stop_inputs(robot, wiring_of(robot), None):  # type: ignore[arg-type]
             pass
-    StopFrame("can1", 0x7FF)
+    StopFrame("can1", 0x7FF)  # the largest identifier of 11 bits
     StopFrame("can1", 0x800, extended=True)
     with pytest.raises(ValueError, match="id"):
         StopFrame("can1", 0x800)
@@ -79,7 +77,7 @@ def event(kind: int, code: int, value: int) -> bytes:
     return struct.pack("@llHHi", 0, 0, kind, code, value)
 
 
-def test_any_key_stops_or_only_the_declared_key_or_unplugging_the_device(tmp_path: Path) -> None:
+def test_any_key_or_only_the_declared_key_stops_and_so_does_unplugging(tmp_path: Path) -> None:
     """A pipe is in place of an input device; an event is a motion, a key pressed or a key released."""
     path = str(tmp_path / "event0")
     os.mkfifo(path)

@@ -25,16 +25,16 @@ from footfall.robots.link_tree import load_model
 
 
 def test_a_base_tilted_about_all_axes_moves_as_in_mujoco() -> None:
-    data, body, local = mujoco.MjData(MODEL), MODEL.body(ROBOT.description.base).id, np.zeros(6)
+    data, body, expected = mujoco.MjData(MODEL), MODEL.body(ROBOT.description.base).id, np.zeros(6)
     data.qpos[:3] = [1.0, 2.0, 0.4]
     data.qpos[3:7] = Rotation.from_euler("xyz", [0.3, -0.4, 2.0]).as_quat(scalar_first=True)
     data.qvel[:6] = [0.7, -0.3, 0.5, 0.2, -0.6, 0.9]
     mujoco.mj_forward(MODEL, data)
-    mujoco.mj_objectVelocity(MODEL, data, mujoco.mjtObj.mjOBJ_XBODY, body, local, 1)
+    mujoco.mj_objectVelocity(MODEL, data, mujoco.mjtObj.mjOBJ_XBODY, body, expected, 1)
     base = Base(MODEL, ROBOT)
     qpos, qvel = jnp.asarray(data.qpos, jnp.float32), jnp.asarray(data.qvel, jnp.float32)
-    np.testing.assert_allclose(base.angular_velocity(qvel), local[:3], atol=1e-6)
-    np.testing.assert_allclose(base.linear_velocity(qpos, qvel), local[3:], atol=1e-6)
+    np.testing.assert_allclose(base.angular_velocity(qvel), expected[:3], atol=1e-6)
+    np.testing.assert_allclose(base.linear_velocity(qpos, qvel), expected[3:], atol=1e-6)
     np.testing.assert_allclose(base.gravity(qpos), -data.xmat[body].reshape(3, 3)[2], atol=1e-6)
     np.testing.assert_allclose(base.position(qpos), [1.0, 2.0, 0.4])
 
@@ -76,7 +76,7 @@ def test_a_foots_speed_is_horizontal_and_of_the_last_physics_step() -> None:
     np.testing.assert_allclose(speed, [1.0, 0.0, 2.0, 4.0], rtol=1e-5)
 
 
-def to_shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: np.ndarray) -> np.ndarray:
+def distance_to_core(model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: np.ndarray) -> np.ndarray:
     """Distance of points (n, 3) from the core of a shape: a box, or the line or point inside a round one."""
     size = model.geom_size[geom]
     cores = {"SPHERE": np.zeros(3), "CAPSULE": np.array([0.0, 0.0, size[1]]), "BOX": size}
@@ -97,7 +97,7 @@ def test_points_are_on_the_shapes_that_can_collide_and_move_with_the_joints(name
     feet = {geom for foot in robot.description.feet for geom in foot.geoms}
     collides = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
     shapes = [geom for geom in collides if model.geom(geom).name not in feet]
-    distances = np.array([to_shape(model, data, geom, positions) for geom in shapes])
+    distances = np.array([distance_to_core(model, data, geom, positions) for geom in shapes])
     assert distances.min(axis=0).max() < 1e-5
     assert (distances < 1e-5).any(axis=1).all()  # no shape is without a point
     base = model.body(robot.description.base).id

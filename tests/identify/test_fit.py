@@ -91,7 +91,9 @@ def test_a_robots_own_ranges_in_any_layout_are_kept(fit: LegFit, tmp_path: Path)
     assert "# My robot." in (folder / "randomisation.yaml").read_text()
 
 
-def test_a_net_is_added_to_a_proposal_and_judged(fit: LegFit, recording: Recording, tmp_path: Path) -> None:
+def test_a_net_is_added_to_a_proposal_and_compared_with_the_law(
+    fit: LegFit, recording: Recording, tmp_path: Path
+) -> None:
     quick = NetConfig(hidden=(4,), window_s=0.1, windows=16, steps=50, seeds=1)
     (found,) = learn(ROBOT, [fit], [recording], [recording], tmp_path / "learned", quick)
     made = load_robot(tmp_path / "learned")
@@ -102,10 +104,12 @@ def test_a_net_is_added_to_a_proposal_and_judged(fit: LegFit, recording: Recordi
     np.testing.assert_allclose(found.law_rad, fit.held_out_rad, rtol=0.3)
     ranges = load_randomisation(made.folder / "randomisation.yaml")
     assert ranges.kp is not None
-    assert ranges.kp.low + ranges.kp.high == pytest.approx(2.0)  # what the net has learned counts once
+    assert ranges.kp.low + ranges.kp.high == pytest.approx(
+        2.0
+    )  # centred on 1: the net already holds the identified gain
 
 
-def test_a_solver_that_rounds_a_bound_to_just_beyond_it_finds_a_prediction(recording: Recording) -> None:
+def test_parameters_that_rounding_puts_just_beyond_a_bound_have_a_prediction(recording: Recording) -> None:
     """A delay of -1e-18 s would need a command that has not been sent yet."""
     problem = problem_of(LEG, [recording], FitConfig())
     at = problem.scaled(np.array([each.declaration.nominal for each in problem.parameters]))

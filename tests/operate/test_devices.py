@@ -42,7 +42,7 @@ def test_a_key_is_held_for_as_long_as_it_is_repeated() -> None:
 
 
 def test_keys_move_the_robot_and_silence_stops_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp())  # the tests' process does not control it
+    monkeypatch.setattr(os, "tcgetpgrp", lambda _: os.getpgrp())  # as if this process controlled the terminal
     person, program = pty.openpty()  # ends of a terminal
     before, inbox = termios.tcgetattr(program), Inbox()
     inbox.poll(WALKING)
@@ -139,6 +139,6 @@ def test_a_missing_gamepad_and_a_file_as_terminal_are_refused(tmp_path: Path) ->
     with pytest.raises(UserError), steered_by_gamepad(Inbox(), abilities, missing):
         pass
     with open(os.devnull, encoding="utf-8") as file:
-        refused = pytest.raises(UserError)
-        with refused, steered_by_keyboard(Inbox(), abilities, QUICK, file.fileno()):
+        keyboard = steered_by_keyboard(Inbox(), abilities, QUICK, file.fileno())
+        with pytest.raises(UserError), keyboard:
             pass

@@ -56,20 +56,20 @@ def test_a_winding_warms_and_cools_with_the_time_constant(heated: Robot, steps: 
 
 def test_the_current_limit_falls_between_two_temperatures(heated: Robot) -> None:
     for temperature_c, share in ((25.0, 1.0), (80.0, 1.0), (90.0, 0.75), (120.0, 0.0), (150.0, 0.0)):
-        left = torque_share(np.full(N, temperature_c), winding_of(heated))
-        np.testing.assert_allclose(left, share, rtol=1e-12)
+        found = torque_share(np.full(N, temperature_c), winding_of(heated))
+        np.testing.assert_allclose(found, share, rtol=1e-12)
     without_derating = winding_of(with_each_motor(heated, derating_c=None))
     np.testing.assert_array_equal(torque_share(np.full(N, 500.0), without_derating), 1.0)
 
 
-def test_half_a_model_is_refused(own_folder: Path) -> None:
-    for given, complaint in (
+def test_an_incomplete_thermal_model_is_refused(own_folder: Path) -> None:
+    for changes, complaint in (
         ({"thermal_resistance_k_w": 2.0}, "thermal_capacity_j_k"),
         ({"thermal_resistance_k_w": None, "derating_c": [80.0, 120.0]}, "thermal_resistance_k_w"),
         (THERMAL | {"derating_c": [80.0, 80.0]}, "derating_c"),
     ):
         with content_of(own_folder / "robot.yaml") as content:
-            content["motors"]["hip"].update(given)
+            content["motors"]["hip"].update(changes)
         assert complaint in refusal_of(load_robot, own_folder)
 
 
@@ -87,10 +87,10 @@ def walk(robot: Robot, sample: dict[str, np.ndarray]) -> SimpleNamespace:
     episode = Episode(lambda _: np.array([0.5, 0.0, 0.0]), duration_s=1.0, sample=sample)
     policy = load_policy("go1-flat", robot)
     trace = run_episode(robot, policy, episode, lambda loop, _: seen.append(loop.temperature_c))
-    return SimpleNamespace(trace=trace, reported_c=seen[-2])
+    return SimpleNamespace(trace=trace, reported_c=seen[-1])
 
 
-def held(
+def after_constant_torque(
     robot: Robot, sample: dict[str, np.ndarray], torque: float, seconds: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Final torque and winding temperature of enabled motors at rest after a constant commanded torque."""
@@ -102,21 +102,20 @@ def held(
     motors._watchdog.check = lambda *_: None  # type: ignore[method-assign]
     motors._values[4] = torque
     for step in range(round(seconds / STEP_S)):
-        given = motors.torque(step, np.zeros(N), np.zeros(N))
-    return given, motors.drivetrain.winding_c
+        delivered = motors.torque(step, np.zeros(N), np.zeros(N))
+    return delivered, motors.drivetrain.winding_c
 
 
 def test_behind_the_bus_a_held_torque_warms_and_a_hot_motor_delivers_its_derated_torque(
     heated: Robot,
 ) -> None:
     sample = {"ambient_k": np.array(-15.0), "winding_heating": np.full(N, 1.5)}
-    _, winding_c = held(heated, sample, 4.0, TIME_CONSTANT_S)
+    _, winding_c = after_constant_torque(heated, sample, 4.0, TIME_CONSTANT_S)
     rise = 1.5 * winding_of(heated).heating * 16.0 * (1 - np.exp(-1))
     np.testing.assert_allclose(winding_c, 10.0 + rise, rtol=1e-9)
-    given, _ = held(
-        heated, {"winding_rise_k": np.full(N, 75.0)}, 100.0, STEP_S
-    )  # 100 degrees: half the current
-    np.testing.assert_allclose(given, 0.5 * heated.motor.peak_torque)
+    at_100_degrees = {"winding_rise_k": np.full(N, 75.0)}  # half the current
+    delivered, _ = after_constant_torque(heated, at_100_degrees, 100.0, STEP_S)
+    np.testing.assert_allclose(delivered, 0.5 * heated.motor.peak_torque)
 
 
 def test_the_robot_walks_and_reports_its_temperatures(heated: Robot) -> None:

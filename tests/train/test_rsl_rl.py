@@ -69,7 +69,7 @@ def preset(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @pytest.fixture(scope="module")
 def run(torch_imported: None, preset: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run by the command line's function."""
+    """A run that the command line made."""
     folder = tmp_path_factory.mktemp("runs") / "rsl_rl"
     options = ["--preset", preset, "--trainer", "rsl_rl", "--seed", "3", "--no-evaluate"]
     assert main(["train", *options, "--out", str(folder)]) == 0
@@ -103,7 +103,9 @@ def some_actions() -> torch.Tensor:
     return 0.3 * torch.randn((PPO.num_envs, 12), generator=torch.Generator().manual_seed(1))
 
 
-def test_torch_uses_jaxs_memory_and_metrics_are_recent_means(environment: TorchEnvironment) -> None:
+def test_torch_uses_jaxs_memory_and_metrics_are_means_since_the_last_call(
+    environment: TorchEnvironment,
+) -> None:
     for _ in range(2):
         rewards = []
         for _ in range(4):
@@ -149,7 +151,7 @@ def test_the_run_folder_has_the_files_of_any_trainer(run: Path) -> None:
     lines = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
     assert [line["step"] for line in lines] == [256, 512, 768, 1024]
     rates = [line["learning/learning_rate"] for line in lines]
-    assert rates == pytest.approx([1e-3, 8e-4, 6e-4, 4e-4])  # they fall with their limit
+    assert rates == pytest.approx([1e-3, 8e-4, 6e-4, 4e-4])  # the limit on the learning rate falls linearly
     names = {f"reward/{name}" for name in (*SMOKE.env.weights, "total")}
     assert names | {"episode/length_s", "tracking/linear_error_m_s"} <= set(lines[-1])
     assert list((run / "events").glob("events.out.tfevents.*"))
