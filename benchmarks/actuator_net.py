@@ -22,7 +22,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from identification import FITTED, HELD_OUT, recorded, true_parameters
+from identification import FITTED_MOTION, HELD_OUT_MOTION, recorded, true_parameters
 from recordings.servo_leg import delay_of, servo_leg, servo_recording
 from recordings.servo_logs import SERVOS, Log, logs, problem
 from recordings.tables import table
@@ -37,7 +37,7 @@ from footfall.robots.driven_motion import joined_motion
 from footfall.train.actuator_net import NetConfig, train_net
 
 EFFECTS = ("stribeck_friction", "load_friction", "backlash_rad")
-MOTIONS = FITTED, replace(FITTED, seed=1, amplitude_rad=0.25), HELD_OUT
+MOTIONS = FITTED_MOTION, replace(FITTED_MOTION, seed=1, amplitude_rad=0.25), HELD_OUT_MOTION
 MODEL = "joint law"
 HELD_OUT = ("kp 100", "kp 200", "kp 800", "sin_sin", "up_and_down", "sin_time_square")
 

@@ -44,8 +44,8 @@ FAMILY = Randomisation(
     kd=Distribution(0.95, 1.05),
     link_mass=Distribution(0.9, 1.1),
 )
-FITTED = ExcitationConfig()  # motion that is fitted
-HELD_OUT = ExcitationConfig(  # held-out motion
+FITTED_MOTION = ExcitationConfig()
+HELD_OUT_MOTION = ExcitationConfig(
     amplitude_rad=0.2,
     swing_rad=0.2,
     triangle_s=2.0,
@@ -173,7 +173,7 @@ def run(name: str, number: int, legs: int) -> list[Outcome]:
     with tempfile.TemporaryDirectory() as folder:
         fitted, held_out = (
             recorded(robot, sample, motion, 2 * number + index, Path(folder))
-            for index, motion in enumerate((FITTED, HELD_OUT))
+            for index, motion in enumerate((FITTED_MOTION, HELD_OUT_MOTION))
         )
     outcomes = []
     for index in range(legs):

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from identification import FITTED, HELD_OUT, recorded, true_parameters, truth_of
+from identification import FITTED_MOTION, HELD_OUT_MOTION, recorded, true_parameters, truth_of
 
 from footfall.cli import main as footfall
 from footfall.common.config import unstructure
@@ -86,8 +86,8 @@ def prepare(number: int, out: Path) -> None:
     """Record, fit, and write the three robot folders."""
     robot, sample = load_robot(ROBOT), hidden(number)
     out.mkdir(parents=True)
-    fitted = recorded(robot, sample, FITTED, 0, out)
-    recorded(robot, sample, HELD_OUT, 1, out)
+    fitted = recorded(robot, sample, FITTED_MOTION, 0, out)
+    recorded(robot, sample, HELD_OUT_MOTION, 1, out)
     write_ranges(propose(robot, [], [], out / WIDE_NAME), WIDE)
     fits = []
     for leg in fixed_legs(robot):
