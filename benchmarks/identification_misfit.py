@@ -16,7 +16,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from identification import FITTED, true_parameters
+from identification import FITTED_MOTION, true_parameters
 
 from footfall.common.errors import UserError
 from footfall.common.outputs import write_json
@@ -98,7 +98,7 @@ def run(name: str, number: int) -> Found:
     with tempfile.TemporaryDirectory() as folder:
         plant = heavy_plant(robot, Path(folder)) if case.heavy else None
         log = Path(folder) / "log.mcap"
-        record(robot, simulated_bus(robot, sample, plant, clamped=case.clamped), log, FITTED)
+        record(robot, simulated_bus(robot, sample, plant, clamped=case.clamped), log, FITTED_MOTION)
         recording = read_recording(log, robot)
     try:
         fit = fit_leg(fixed_legs(robot)[0], [recording])
