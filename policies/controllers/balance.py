@@ -69,14 +69,14 @@ class Balance:
         self._max_force = np.full(body.points, config.max_force * body.weight_n)
         self._max_force /= np.bincount(body.foot_of_point)[body.foot_of_point]
         rest = rest_dynamics(body, robot)
-        self.com_height_m = float((rest.centre - rest.middle)[2])
+        self.com_height_m = float((rest.centre - rest.feet_middle)[2])
         self._start_height, self._start_pose = self.com_height_m, self._default
         self._stance = np.ones(body.feet)
 
     def reset(self, inputs: PolicyInput) -> None:
         self.control.reset()
         dynamics = estimated_dynamics(self.control.body, inputs)
-        self._start_height = float((dynamics.centre - dynamics.middle)[2])
+        self._start_height = float((dynamics.centre - dynamics.feet_middle)[2])
         self._start_pose = inputs.sensed.joint_position.copy()
 
     def act(self, inputs: PolicyInput) -> JointCommand:
@@ -105,7 +105,7 @@ class Balance:
     def _centre_acceleration(self, dynamics: Dynamics, height: float) -> np.ndarray:
         """Desired acceleration of the centre of mass, (3,) m/s^2."""
         config = self._config
-        centre = dynamics.centre - dynamics.middle
+        centre = dynamics.centre - dynamics.feet_middle
         rate = pendulum_rate(self.com_height_m)
         capture = centre + dynamics.centre_velocity / rate
         pressure = (1.0 + config.capture_gain) * capture

@@ -83,7 +83,7 @@ def moment(
         foot_jacobian=np.zeros((2, 6, 6 + N)),
         centre=np.array([*world(*centre[:2]), centre[2]]) + MIDDLE,
         centre_velocity=np.array(velocity, dtype=float),
-        middle=foot.mean(axis=0),
+        feet_middle=foot.mean(axis=0),
         foot=foot,
         foot_rotation=Rotation.from_euler("z", np.vstack(headings)).as_matrix(),
         angular_momentum=np.array([1.0, -2.0, 3.0]),
@@ -317,7 +317,7 @@ def test_a_goal_that_moves_just_before_the_landing_is_not_followed() -> None:
 
 def test_an_accelerating_body_is_not_at_rest_above_its_feet() -> None:
     """The feet push the body forward, so the pressure is 2 cm behind the centre."""
-    force, (forward, leftward, _) = 0.5 * BODY.weight_n, REST.centre - REST.middle
+    force, (forward, leftward, _) = 0.5 * BODY.weight_n, REST.centre - REST.feet_middle
     moment = [force * leftward, -force * (forward - 0.02), 0.0]  # of each foot about its middle
     to_joints = REST.foot_jacobian[:, :, 6:].reshape(12, -1).T
     torque = REST.bias[6:] - to_joints @ np.tile([0.0, 0.0, force, *moment], 2)

@@ -313,7 +313,9 @@ class TestBalance:
         """Capture point x = c + v / w, pressure p = 1.5 x up to 0.2 m, and acceleration w^2 (c - p)."""
 
         def acceleration(offset: Any, velocity: Any) -> np.ndarray:
-            now = REST["g1"]._replace(centre=offset + REST["g1"].middle, centre_velocity=np.array(velocity))
+            now = REST["g1"]._replace(
+                centre=offset + REST["g1"].feet_middle, centre_velocity=np.array(velocity)
+            )
             return policy._centre_acceleration(now, 0.6)
 
         rate = math.sqrt(9.81 / policy.com_height_m)

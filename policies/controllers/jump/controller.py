@@ -108,7 +108,7 @@ class Jump:
         rotation = rotation_matrix(sensed.quaternion)
         to_world = heading_matrix(self._yaw)
         aim = self._plan.base(time_s, self._height)
-        position = -dynamics.middle.dot(to_world)  # of the base, heading frame
+        position = -dynamics.feet_middle.dot(to_world)  # of the base, heading frame
         velocity = rotation.dot(inputs.base_velocity).dot(to_world)
         position[0] += self._config.plan.stance.shift_m
         deviation, rate = position.copy(), velocity.copy()

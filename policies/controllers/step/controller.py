@@ -41,7 +41,7 @@ class Step:
                 f"robot '{robot.name}' cannot be walked by 'step': it must have a left and a right foot"
             )
         self._default = robot.default_pose
-        self.com_height_m = float((rest.centre - rest.middle)[2]) - config.lower_m
+        self.com_height_m = float((rest.centre - rest.feet_middle)[2]) - config.lower_m
         self.footwork = Footwork(config, np.sign(rest.foot[:, 1]), pendulum_rate(self.com_height_m))
         points = np.bincount(body.foot_of_point)
         self._max_force = (config.max_force * body.weight_n / points)[body.foot_of_point]
@@ -50,7 +50,7 @@ class Step:
 
     def reset(self, inputs: PolicyInput) -> None:
         dynamics = estimated_dynamics(self.control.body, inputs)
-        self._begin(float((dynamics.centre - dynamics.middle)[2]))
+        self._begin(float((dynamics.centre - dynamics.feet_middle)[2]))
 
     def _begin(self, height: float) -> None:
         self.control.reset()

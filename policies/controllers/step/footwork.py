@@ -89,7 +89,7 @@ class Footwork:
         self.foothold = None
         match self.phase:
             case Phase.STAND:
-                pressure = self.double_support_pressure(dynamics, capture, dynamics.middle[:2])
+                pressure = self.double_support_pressure(dynamics, capture, dynamics.feet_middle[:2])
             case Phase.SHIFT:
                 pressure = self.double_support_pressure(dynamics, capture, self.shift_goal(dynamics))
             case Phase.STEP:
@@ -98,7 +98,7 @@ class Footwork:
 
     def maybe_shift(self, dynamics: Dynamics, capture: np.ndarray, walk: bool) -> None:
         """Start to shift the weight, for a walk or because the capture point is far from the middle."""
-        middle = dynamics.middle
+        middle = dynamics.feet_middle
         offset = capture[:2] - middle[:2]
         if walk or math.hypot(offset[0], offset[1]) > self._config.start.capture_m:
             across = dynamics.foot[0] - dynamics.foot[1]
@@ -111,7 +111,7 @@ class Footwork:
     ) -> np.ndarray:
         """Centre of pressure (2,) that moves the capture point to a goal (2,)."""
         pressure = capture[:2] + self._config.pressure.gain * (capture[:2] - goal)
-        middle = dynamics.middle[:2]
+        middle = dynamics.feet_middle[:2]
         lead = pressure - middle
         return middle + lead * min(1.0, self._config.pressure.max_lead_m / max(math.hypot(*lead), 1e-9))
 
@@ -121,9 +121,9 @@ class Footwork:
         decay = math.exp(-self.fall_rate * (gait.step_s - gait.double_support_s))
         to_world = heading_matrix(matrix_yaw(dynamics.foot_rotation[self.stance_foot]))[:2, :2]
         goal = dynamics.foot[self.stance_foot, :2] + to_world @ (decay * (nominal.foothold + nominal.offset))
-        goal_along = to_world.T @ (goal - dynamics.middle[:2])
+        goal_along = to_world.T @ (goal - dynamics.feet_middle[:2])
         goal_along[0] = 0.0
-        return dynamics.middle[:2] + to_world @ goal_along
+        return dynamics.feet_middle[:2] + to_world @ goal_along
 
     def maybe_lift(self, dynamics: Dynamics, capture: np.ndarray) -> None:
         """Start a step once the weight is near the stance foot, or the robot falls forward or backward."""
@@ -152,7 +152,7 @@ class Footwork:
         self.stance_foot, self.swing_foot = self.swing_foot, self.stance_foot
         between = dynamics.foot[self.stance_foot] - dynamics.foot[self.swing_foot]
         capture = dynamics.centre + dynamics.centre_velocity / self.fall_rate
-        offset = capture[:2] - dynamics.middle[:2]
+        offset = capture[:2] - dynamics.feet_middle[:2]
         forward = heading_matrix(matrix_yaw(dynamics.foot_rotation[self.stance_foot]))[:2, 0]
         calm = abs(offset @ forward) < config.start.capture_m
         calm = calm and abs(between[:2] @ forward) < config.start.near_m

@@ -50,7 +50,7 @@ class Dynamics(NamedTuple):
     point_jacobian: np.ndarray  # (points, 3, nv)
     point_drift: np.ndarray  # (points, 3) m/s^2
     foot: np.ndarray  # (feet, 3) m, middle of each foot's points
-    middle: np.ndarray  # (3,) m, middle of the feet
+    feet_middle: np.ndarray  # (3,) m, mean position of the feet
     foot_rotation: np.ndarray  # (feet, 3, 3) to the world; identity for a level robot in its default pose
     foot_jacobian: np.ndarray  # (feet, 6, nv), linear above angular
     foot_drift: np.ndarray  # (feet, 6) m/s^2 and rad/s^2
