@@ -9,7 +9,7 @@ from footfall.deploy.command_source import ZERO_COMMAND, Behaviour, Pose, Reques
 from footfall.deploy.modes import Mode
 from footfall.operate.abilities import Abilities
 from footfall.operate.missions.activities import Input, Output
-from footfall.operate.missions.courses import GoTo, OdometryStep
+from footfall.operate.missions.courses import MAX_PATH_M, GoTo, OdometryStep
 from footfall.operate.missions.mission import HERE, Mission, NamedStep
 from footfall.operate.missions.step import Plan
 from footfall.operate.missions.steps import End
@@ -17,7 +17,9 @@ from footfall.operate.missions.steps import End
 TIMEOUT_FACTOR, TIMEOUT_EXTRA_S = 3.0, 10.0  # for a step that uses odometry and has no timeout
 PROGRESS_S = 0.2  # minimum decrease of the remaining time that counts as progress
 DONE = "done"
-HOME = (NamedStep("go_to", GoTo((0.0, 0.0))), NamedStep("lie_down", End()))
+HOME_STEP_M = 0.9 * MAX_PATH_M  # longest step on the way home: it begins where the robot came to rest
+    0.9 * MAX_PATH_M
+)  # longest step on the way home, which begins where the step before came to rest
 LIE_DOWN = (NamedStep("lie_down", End()),)
 
 
@@ -81,7 +83,8 @@ class MissionSource:
     def _advance(self, status: Status, pose: Pose) -> Request:
         if status.charge <= self._mission.settings.low_charge and not self._charge_low:
             self._charge_low = True
-            self._replace_steps(HOME if self._mission.settings.on_low_charge == "home" else LIE_DOWN)
+            go_home = self._mission.settings.on_low_charge == "home"
+            self._replace_steps((*_way_home(pose), *LIE_DOWN) if go_home else LIE_DOWN)
             note = f"low battery ({status.charge:.0%}): the mission goes on with '{self._steps[0].kind}'"
             self._request = self._request._replace(note=note)
         while True:
@@ -167,3 +170,10 @@ class MissionSource:
         cos, sin = math.cos(yaw), math.sin(yaw)
         dx, dy = pose.x_m - x, pose.y_m - y
         return Pose(cos * dx + sin * dy, cos * dy - sin * dx, self._yaw)
+
+
+def _way_home(pose: Pose) -> tuple[NamedStep, ...]:
+    """Steps that walk straight to the mission's origin, none longer than a path may be."""
+    count = max(1, math.ceil(math.hypot(pose.x_m, pose.y_m) / HOME_STEP_M))
+    shares = (left / count for left in reversed(range(count)))  # of the way that remains after each step
+    return tuple(NamedStep("go_to", GoTo((share * pose.x_m, share * pose.y_m))) for share in shares)

@@ -121,6 +121,14 @@ def test_at_low_battery_the_robot_walks_home_or_lies_down() -> None:
         walker.run()
         assert (math.hypot(*walker.moved()[:2]) < 0.1) is home
         assert any("low battery" in request.note for request in walker.requests)
+    far = Walker([{"wait": 9}])
+    far.step()
+    far.pose, far.charge = far.pose._replace(x_m=far.pose.x_m + 850.0), 0.1
+    far.step()
+    assert (far.source.progress.outcome, far.source.progress.steps) == (
+        "",
+        3,
+    )  # 900 m, in two steps of at most 500 m
 
 
 def test_changes_of_policy_gait_and_settings_come_in_order() -> None:
