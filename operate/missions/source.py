@@ -18,8 +18,6 @@ TIMEOUT_FACTOR, TIMEOUT_EXTRA_S = 3.0, 10.0  # for a step that uses odometry and
 PROGRESS_S = 0.2  # minimum decrease of the remaining time that counts as progress
 DONE = "done"
 HOME_STEP_M = 0.9 * MAX_PATH_M  # longest step on the way home: it begins where the robot came to rest
-    0.9 * MAX_PATH_M
-)  # longest step on the way home, which begins where the step before came to rest
 LIE_DOWN = (NamedStep("lie_down", End()),)
 
 
