@@ -8,6 +8,7 @@ import numpy as np
 from footfall.common.errors import UserError
 from footfall.deploy.drivers.choice import open_driver
 from footfall.deploy.log_analysis.columns import RECORDED_BUS, LogColumns, read_columns
+from footfall.deploy.log_analysis.robot import check_joints
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.choice import open_motor_end
 from footfall.robots.description import Robot
@@ -74,10 +75,7 @@ def read_recording(path: Path, robot: Robot, start_s: float = 0.0, end_s: float 
         UserError: the log cannot be read, is of another robot, or has no such part.
     """
     columns = read_columns(path)
-    if columns.joints != list(robot.joint_names):
-        raise UserError(
-            f"{path} is of another robot than {robot.name}: its joints are {', '.join(columns.joints)}"
-        )
+    check_joints(columns.log, robot)
     stretches = [(begin, end) for mode, begin, end in columns.states() if mode == "WALKING"]
     if not stretches:
         raise UserError(f"{path} has no motion under a policy")

@@ -25,3 +25,11 @@ def logged_robot(log: LogFile) -> Robot:
         f"the log was made with robot {name} of {folder},"
         " which is not available or has changed since: give --robot"
     )
+
+
+def check_joints(log: LogFile, robot: Robot) -> None:
+    """Raise UserError if a log's joints are not those of a robot."""
+    if log.joints != list(robot.joint_names):
+        raise UserError(
+            f"{log.path} is from another robot than {robot.name}: its joints are {', '.join(log.joints)}"
+        )

@@ -15,7 +15,6 @@ from footfall.options import (
     OptionalSeconds,
     OptionalVelocity,
     Plant,
-    PolicyName,
     RobotName,
     Seed,
     Share,
@@ -32,7 +31,7 @@ class DeployOptions:
     """Where and how to run a policy."""
 
     robot: RobotName = DEFAULT_ROBOT
-    also: Annotated[tuple[PolicyName, ...], Parameter(negative=(), show_default=False)] = ()
+    also: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """Another policy to which the run can switch while walking; may be given several times."""
     bus: str = "sim"
     """sim for the simulated robot, socketcan for the CAN interfaces named in robot.yaml, or the name of
@@ -54,7 +53,7 @@ class DeployOptions:
     """Lie down before the motors are disabled, if robot and fault permit it."""
     recover: bool = False
     """Your consent to get up after a fall and to walk on (see docs/recovery.md)."""
-    get_up: Annotated[PolicyName | None, AS_TYPED] = None
+    get_up: Annotated[str | None, AS_TYPED] = None
     """The get-up policy (default: the zoo's policy for this robot)."""
     realtime: bool = False
     """Run in real time; always on with a bus other than sim."""

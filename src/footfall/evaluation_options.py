@@ -20,7 +20,6 @@ from footfall.options import (
     Names,
     OptionalPath,
     Plant,
-    PolicyName,
     RobotName,
     ScenarioFile,
     Seed,
@@ -47,7 +46,7 @@ class EvaluationOptions:
     engine: Engine = DEFAULT_ENGINE
     ground_truth: bool = False
     """Give policies the simulator's base velocity instead of an estimate, for studies."""
-    get_up: Annotated[PolicyName | None, AS_TYPED, Parameter(show_default=False)] = None
+    get_up: Annotated[str | None, AS_TYPED, Parameter(show_default=False)] = None
     """Get up after a fall with this policy and walk on (default: a fall ends the episode)."""
     metrics: Annotated[Names, Parameter(show_default=False)] = ()
     """Metrics of your own, MODULE:NAME each: functions of a trace and a robot that return a number."""

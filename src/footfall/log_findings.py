@@ -14,17 +14,14 @@ def findings_of(file: Path, robot: str | None) -> "LogFindings":
     """Findings about a log. Those about feet require a description of its robot."""
     from footfall.deploy.log_analysis.columns import read_columns
     from footfall.deploy.log_analysis.findings import LogFindings
-    from footfall.deploy.log_analysis.robot import logged_robot
+    from footfall.deploy.log_analysis.robot import check_joints, logged_robot
     from footfall.robots.description import load_robot
 
     columns = read_columns(file)
     logged = None
     if robot is not None:
         logged = load_robot(robot)
-        if list(logged.joint_names) != columns.joints:
-            raise UserError(
-                f"{file} is from another robot than {robot}: its joints are {', '.join(columns.joints)}"
-            )
+        check_joints(columns.log, logged)
     with suppress(UserError):
         logged = logged or logged_robot(columns.log)
     return LogFindings(columns, logged)

@@ -68,6 +68,7 @@ def test_every_verb_is_listed_and_explains_itself(shell: Shell) -> None:
         assert f" {verb} " in listed
         explained = shell(verb, "--help")
         assert (explained.status, f"footfall {verb}" in explained.out) == (0, True), verb
+        assert explained.out.count("A run folder,") <= 1  # of POLICY; options that take a policy say what for
     assert shell("--version").out.strip().count(".") == 2
 
 

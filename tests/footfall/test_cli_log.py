@@ -168,6 +168,7 @@ def test_the_same_policy_decides_the_same_and_another_differs(shell: Shell, shor
     assert outcome.status == 0, outcome.out
     assert "the same decisions" in outcome.out
     outcome = shell("replay", "run.mcap", "--policy", "stand")
+    assert "hexapod: its joints are FR_hip_joint" in shell.refuses("replay", "run.mcap", "--robot", "hexapod")
     assert outcome.status == 1
     assert "first difference: step " in outcome.out
     assert "_joint" in outcome.out

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from footfall.common.errors import UserError
-from footfall.options import AS_TYPED, PolicyName
+from footfall.options import AS_TYPED
 
 if TYPE_CHECKING:
     from footfall.policies.policy import Policy
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class ReplayOptions:
     """Policy, robot and tolerance of the replay."""
 
-    policy: Annotated[PolicyName | None, AS_TYPED] = None
+    policy: Annotated[str | None, AS_TYPED] = None
     """Policy to run again (default: the log's policy); other policies of the run come from the log."""
     robot: Annotated[str | None, AS_TYPED] = None
     """Name of a robot, or a folder with its robot.yaml (default: the log's robot)."""
@@ -29,7 +29,7 @@ class ReplayOptions:
 
 def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
     """Feed a log's readings to its policy again; exit 0 if its decisions are the same, 1 if not."""
-    from footfall.deploy.log_analysis.robot import logged_robot
+    from footfall.deploy.log_analysis.robot import check_joints, logged_robot
     from footfall.deploy.log_file import read_log
     from footfall.deploy.replay import GET_UP, OTHERS
     from footfall.deploy.replay import replay as replay_log
@@ -38,6 +38,7 @@ def replay(log: Path, /, *, options: ReplayOptions = ReplayOptions()) -> int:
 
     header = read_log(log, topics=())
     robot = logged_robot(header) if options.robot is None else load_robot(options.robot)
+    check_joints(header, robot)
     if options.policy is None:
         policy = _logged_policy(header.text("policy_spec"), robot)
     else:
