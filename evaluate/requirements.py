@@ -92,8 +92,8 @@ def _parse(text: str, scenarios: tuple[str, ...], known: Mapping[str, Figure]) -
         limit = float(number)
     except ValueError:
         limit = math.nan
-    if math.isnan(limit):
-        raise UserError(f"--require '{text}': '{number}' is not a number")
+    if not math.isfinite(limit):
+        raise UserError(f"--require '{text}': '{number}' is not a finite number")
     return Requirement(text, scenarios if scenario is None else (scenario,), known[key], comparison, limit)
 
 

@@ -32,12 +32,12 @@ def open_engine(
             return MujocoEngine(model, data)
         return SlopedGroundEngine(model, data, ground)
     if name == "drake":
-        with needs_extra("drake", "--engine drake"):
+        with needs_extra("drake", "--engine drake needs"):
             from footfall.plant.engines.drake_engine import DrakeEngine
 
         return DrakeEngine(model, data, feet)
     if name == "motrixsim":
-        with needs_extra("motrixsim", "--engine motrixsim"):
+        with needs_extra("motrixsim", "--engine motrixsim needs"):
             from footfall.plant.engines.motrix_engine import MotrixEngine
 
         return MotrixEngine(model, data)

@@ -146,6 +146,5 @@ def _one_line(error: Exception) -> str:
 
 
 def _help_hint(arguments: list[str]) -> str:
-    if arguments and arguments[0] in set(map(app.name_transform, VERBS)):
-        return f"(see footfall {arguments[0]} --help)"
-    return "(see footfall --help)"
+    commands, *_ = app.parse_commands(arguments)
+    return f"(see {' '.join(('footfall', *commands))} --help)"

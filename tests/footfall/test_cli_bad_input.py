@@ -74,6 +74,7 @@ REFUSED = """
     evaluate stand --set trot.kp=1 | trot.kp=1 stand
     evaluate stand --epsiodes=3 | --episodes
     evaluate stand --weakest push --scenarios walk | --scenarios
+    evaluate stand --require nominal.falls<=inf | 'inf'
     evaluate stand@rate_hz=5000 --episodes 1 --workers 1 | 5000 500
     compare | policy
     compare stand stand | stand
@@ -94,6 +95,7 @@ REFUSED = """
     replay log.mcap | log.mcap
     replay none --policy none | none
     log recover / | log
+    log cut log.mcap --from -1 | --from 0
 """
 
 
@@ -175,6 +177,7 @@ def test_outputs_that_cannot_be_written_are_refused(shell: Shell, tmp_path: Path
     (tmp_path / "out").mkdir()
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     assert "footfall train --help" in shell.refuses("train", "--out", "")
+    assert "footfall identify foot --help" in shell.refuses("identify", "foot")
     same = tmp_path / "twice"
     assert str(same) in shell.refuses("deploy", "stand", "--json", same, "--log", same)
     assert not same.exists()

@@ -179,7 +179,9 @@ def cut(
         Copy to write (default: FILE.cut.mcap, in the same folder).
     """
     if not 0.0 <= start < end:
-        raise UserError(f"from {start:g} to {end:g} s is not a time range: give --from below --to, both in s")
+        raise UserError(
+            f"from {start:g} to {end:g} s is not a time range: give --from of at least 0 s, and below --to"
+        )
     part = _beside(file, f".cut{file.suffix}", out)
     check_outputs(part, inputs=[file])
     from footfall.deploy.recover import cut as cut_log
