@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from footfall.common.config import require_between, require_not_negative, require_positive
 from footfall.common.engines import DEFAULT_ENGINE
 from footfall.deploy.command_source import CommandSource, StopSource, VelocityFunction
 from footfall.deploy.config import DeployConfig, deploy_config
@@ -46,15 +47,23 @@ class Display(Protocol):
 
 @dataclass(frozen=True)
 class Push:
-    """A sudden change of the whole robot's velocity."""
+    """A sudden change of the whole robot's velocity. Raises ValueError unless all numbers are finite."""
 
     time_s: float  # since walking began; skipped if the robot does not walk at that time
     delta_v_m_s: tuple[float, float, float]  # world frame
 
+    def __post_init__(self) -> None:
+        require_not_negative(self, "time_s")
+        if np.shape(self.delta_v_m_s) != (3,) or not np.isfinite(self.delta_v_m_s).all():
+            raise ValueError(f"delta_v_m_s must be three finite numbers, not {self.delta_v_m_s}")
+
 
 @dataclass(frozen=True)
 class Episode:
-    """The settings of an episode. In lockstep the same settings give the same trace."""
+    """The settings of an episode. In lockstep the same settings give the same trace.
+
+    Raises ValueError if seed, charge or record rate are out of their ranges.
+    """
 
     command_source: CommandSource | VelocityFunction
     duration_s: float  # of walking, at most
@@ -85,6 +94,11 @@ class Episode:
     # Errors of the simulated height scans; another source of scans replaces these.
     height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)
     height_scans: HeightScanSource | None = None
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "seed")
+        require_between(self, 0.0, 1.0, "charge")
+        require_positive(self, "record_rate_hz")
 
 
 def run_episode(robot: Robot, policy: Policy, episode: Episode, watch: Watch | None = None) -> Trace:

@@ -14,6 +14,7 @@ import numpy as np
 from footfall.common.arrays import as_slice
 from footfall.common.engines import DEFAULT_ENGINE
 from footfall.common.errors import UserError
+from footfall.common.hints import did_you_mean
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.frames import Frames
 from footfall.deploy.wiring import Wiring
@@ -255,6 +256,8 @@ class SimulatedRobot:
 def _check_sample(sample: Sample, plant: Plant, robot: Robot) -> None:
     bodies = plant.model.nbody - 1
     for name, drawn in sample.items():
+        if name not in QUANTITIES:
+            raise UserError(f"sample: no quantity '{name}'{did_you_mean(name, QUANTITIES)}")
         require_parts(name, robot)
         if QUANTITIES[name].kind is kinds.BODY_AMOUNTS and len(drawn) != bodies:
             raise UserError(f"{name} was drawn for {len(drawn)} bodies, the plant has {bodies}")

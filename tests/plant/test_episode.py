@@ -62,6 +62,23 @@ def trial_of(go1: Robot, watch: Any = None, **episode: Any) -> tuple[Trial, Fake
     return Trial(go1, body, settings, watch), body, loop  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("seed", -1), ("charge", 1.1), ("charge", np.nan), ("record_rate_hz", 0.0), ("record_rate_hz", np.nan)],
+)
+def test_settings_out_of_range_are_refused_by_name(go1: Robot, field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=field):
+        trial_of(go1, **{field: value})
+
+
+@pytest.mark.parametrize(
+    ("time_s", "delta"), [(-1.0, (1, 0, 0)), (np.nan, (1, 0, 0)), (0.1, (1, 0)), (0.1, (np.inf, 0, 0))]
+)
+def test_a_push_is_three_finite_numbers_at_a_time_of_the_walk(time_s: float, delta: Any) -> None:
+    with pytest.raises(ValueError, match="must be"):
+        Push(time_s, delta)
+
+
 def test_a_trial_records_at_the_record_rate_while_the_robot_walks(go1: Robot) -> None:
     watch = Mock()
     trial, body, loop = trial_of(go1, watch, record_rate_hz=40.0)

@@ -140,7 +140,9 @@ def test_a_drawn_charge_is_that_of_the_simulated_pack_and_samples_for_other_robo
     simulated = body_of(described(go1, battery=Battery(8, 230.0, 0.1)), sample=drawn)
     assert simulated.battery is not None
     assert simulated.battery.charge == pytest.approx(0.3)
-    for sample, reason in ((drawn, "battery_charge"), (Sample(link_mass=np.ones(3)), r"3 bodies.* 13")):
+    misspelt = {"frictoin": np.array(1.0)}
+    others = (Sample(link_mass=np.ones(3)), r"3 bodies.* 13"), (misspelt, "frictoin.* friction")
+    for sample, reason in ((drawn, "battery_charge"), *others):
         with pytest.raises(UserError, match=reason):
             body_of(go1, sample=sample)
 
