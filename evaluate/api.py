@@ -155,6 +155,8 @@ def compare_policies(
 
 def _load(config: EvaluationConfig, specs: Sequence[str]) -> tuple[Robot, ScenarioFile, dict[str, Policy]]:
     """Load every named item, so that errors appear before the long run."""
+    if isinstance(specs, str):
+        raise UserError(f"expected a list of policies, such as ['{specs}'], found '{specs}'")
     if not specs:
         raise UserError("nothing to compare: name at least one policy")
     repeated = next((spec for spec in specs if specs.count(spec) > 1), None)
@@ -162,6 +164,8 @@ def _load(config: EvaluationConfig, specs: Sequence[str]) -> tuple[Robot, Scenar
         raise UserError(f"policy '{repeated}' is named twice: name each policy once")
     if config.episodes is not None and config.episodes < 1:
         raise UserError(f"episodes is {config.episodes}: it must be 1 or more")
+    if config.seed < 0:
+        raise UserError(f"seed is {config.seed}: it must be 0 or more")
     robot = load_robot(config.robot)
     file = load_scenarios(robot, config.scenario_file)
     file = replace(file, scenarios=file.scenarios | {n: scenario_of(p) for n, p in config.missions.items()})

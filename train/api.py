@@ -10,6 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
+from footfall.common.config import require_not_negative
 from footfall.common.errors import UserError
 from footfall.common.versions import versions
 from footfall.robots.default import DEFAULT_ROBOT
@@ -39,7 +40,7 @@ from footfall.train.trainers import DEFAULT_TRAINER, find_trainer, prefetch
 
 @dataclass(frozen=True)
 class TrainRequest:
-    """What to train."""
+    """What to train. Raises ValueError if the seed is negative."""
 
     robot: str = DEFAULT_ROBOT
     preset: str = "cpu"
@@ -50,6 +51,9 @@ class TrainRequest:
     trainer: str = DEFAULT_TRAINER  # or "rsl_rl", or MODULE:NAME of your own
     settings: Mapping[str, Any] = field(default_factory=dict)  # by dotted keys, instead of the preset's
     start_from: Path | None = None  # run folder or .onnx file with the initial networks
+
+    def __post_init__(self) -> None:
+        require_not_negative(self, "seed")
 
 
 def train(request: TrainRequest) -> Path:

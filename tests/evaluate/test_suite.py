@@ -1,6 +1,7 @@
 """Requests, tasks, names, origins and the command of an evaluation. No episode is run here."""
 
 import io
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -105,8 +106,9 @@ def test_impossible_requests_are_refused_before_the_first_episode(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(api, "load_scenarios", lambda *_: FILE)
     monkeypatch.setattr(api, "run_suite", lambda *_: pytest.fail("an episode has begun"))
-    rows: list[tuple[list[str], dict[str, Any], dict[str, Path], str]] = [
+    rows: list[tuple[Sequence[str], dict[str, Any], dict[str, Path], str]] = [
         ([], {}, {}, "policy"), (["stand"], {"episodes": 0}, {}, "episodes is 0"),
+        ("stand", {}, {}, r"\['stand'\]"), (["stand"], {"seed": -1}, {}, "seed is -1"),
         (["stand"], {"scenarios": ("two", "ballet")}, {}, "'ballet'"),
         (["stand", "dance"], {}, {}, "'dance'"), (["dance"], {}, {}, "'dance'"),
         (["stand"], {"robot": "r2d2"}, {}, "'r2d2'"),

@@ -50,6 +50,8 @@ def test_a_new_run_folder_records_its_request(tmp_path: Path, go1: Robot) -> Non
     assert (found.robot, found.seed, found.preset, found.trainer) == ("go1", 9, "smoke", OWN)
     assert (found.robot_digest, found.device) == (go1.digest, jax.devices()[0].device_kind)
     assert {"jax", "tensordict", "mujoco"} <= set(found.versions)
+    with pytest.raises(ValueError, match="seed"):
+        TrainRequest(seed=-1)
 
 
 def test_default_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_folder: Path) -> None:
