@@ -98,6 +98,10 @@ def _read(name: str, part: str) -> Change:
         return Change(part, current_key(setting[1].split(".")), value)
     if not part:
         raise UserError(f"{name}@: expected a YAML file or KEY=VALUE after the @")
+    if not Path(part).exists():
+        raise UserError(
+            f"{name}@{part}: there is no file {part}: give a YAML file or KEY=VALUE, such as kp=50"
+        )
     content = with_changes({}, Path(part))
     return Change(part, (), content[name] if isinstance(content, dict) and name in content else content)
 

@@ -74,6 +74,7 @@ REFUSED = """
     evaluate stand --set trot.kp=1 | trot.kp=1 stand
     evaluate stand --epsiodes=3 | --episodes
     evaluate stand --weakest push --scenarios walk | --scenarios
+    evaluate stand@kp | stand@kp KEY=VALUE
     evaluate stand@rate_hz=5000 --episodes 1 --workers 1 | 5000 500
     compare | policy
     compare stand stand | stand
