@@ -180,34 +180,21 @@ class JointWindows:
             temperature_c: (n,) degrees Celsius; NaN if not reported.
             voltage: (n,) supply voltage of the motors, V; NaN if not reported.
         """
-        readings, target_travel = self._readings, np.abs(target - self._target)
-        joints, arrived_us = np.array(readings.joints), np.array(readings.arrived_us)
-        late_us = self._late_us(readings.added_us, arrived_us[1:])
-        jolts = self._jolts(joints[:, 1])
-        window = None
+        readings, target_travel, window = self._readings, np.abs(target - self._target), None
         if readings.gap:
-            self._end_position = joints[-1, 0]
+            self._end_position = readings.joints[-1][0]
+            self._change = readings.joints[-1][1] - readings.joints[-2][1]
         else:
-            window = self._window(
-                joints, arrived_us, 1e-6 * late_us, jolts, stiffness, target_travel, temperature_c, voltage
-            )
+            window = self._window(stiffness, target_travel, temperature_c, voltage)
         self._target_travel, self._target = target_travel, target
         self._readings = _Readings(self._added_us, readings.joints[-1], readings.arrived_us[-1])
         return window
 
     def _window(
-        self,
-        joints: np.ndarray,
-        arrived_us: np.ndarray,
-        late_s: np.ndarray,
-        jolts: np.ndarray,
-        stiffness: np.ndarray,
-        target_travel: np.ndarray,
-        temperature_c: np.ndarray,
-        voltage: np.ndarray,
+        self, stiffness: np.ndarray, target_travel: np.ndarray, temperature_c: np.ndarray, voltage: np.ndarray
     ) -> JointWindow:
-        """Window of readings (k + 1, 3, n) that arrived at times (k + 1, n); the first is from before it."""
         readings, limits = self._readings, self._limits
+        joints, arrived_us = np.array(readings.joints), np.array(readings.arrived_us)
         new, velocity, count = joints[1:], joints[:, 1], len(joints) - 1
         elapsed_s = (self._added_us - readings.began_us) * 1e-6
         half_s = 0.5e-6 * (arrived_us[1:] - arrived_us[:-1])
@@ -219,7 +206,7 @@ class JointWindows:
         self._end_position = started + travel[-1]
         torques = _torques(readings.sent_before + readings.sent, new)
         expected = np.add.reduce(_expected(torques)) / count
-        speed = np.abs(mean[1])
+        speed, late_s = np.abs(mean[1]), 1e-6 * self._late_us(arrived_us[1:])
         uncertainty = stiffness * (limits.reading_rad + limits.lag_s * speed)
         return JointWindow(
             elapsed_s=elapsed_s,
@@ -230,7 +217,7 @@ class JointWindows:
             late_s=late_s,
             late_travel=self._late_travel(elapsed_s, late_s, np.abs(joints[-1, 1])),
             speed=speed,
-            jolts=jolts,
+            jolts=self._jolts(velocity),
             torque=mean[2],
             strongest=np.maximum.reduce(np.abs(new[:, 2])),
             expected=expected,
@@ -248,9 +235,9 @@ class JointWindows:
             voltage=voltage,
         )
 
-    def _late_us(self, added_us: list[int], arrived_us: np.ndarray) -> np.ndarray:
+    def _late_us(self, arrived_us: np.ndarray) -> np.ndarray:
         """Difference between the ages of the oldest reading of a window and the youngest one so far, (n,)."""
-        age_us = np.array(added_us)[:, None] - arrived_us
+        age_us = np.array(self._readings.added_us)[:, None] - arrived_us
         youngest_us = np.minimum(np.minimum.accumulate(age_us), self._youngest_us)
         self._youngest_us = youngest_us[-1]
         return np.maximum.reduce(age_us - youngest_us)
