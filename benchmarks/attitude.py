@@ -66,12 +66,12 @@ def push(number: int) -> Push:
 
 
 class Errors(NamedTuple):
-    """Errors of one walk while its policy decides, rad, (T,)."""
+    """Errors of one walk at each tick of the joint loop while the policy acts. Arrays are (T,)."""
 
     fell: bool
-    tilt: np.ndarray
-    yaw: np.ndarray
-    tilt_by_legs: np.ndarray
+    tilt: np.ndarray  # rad
+    yaw: np.ndarray  # rad, unwrapped
+    tilt_by_legs: np.ndarray  # rad, of the base estimator
 
 
 def vertical_angle(found: np.ndarray, true: np.ndarray) -> float:
@@ -95,7 +95,7 @@ def errors(walk: Walk, seed: int) -> Errors:
         if loop.state.mode not in MOVING:
             return
         if tick_times_us:
-            plan = policy.stance() if loop.walking and tilts else None
+            plan = policy.stance() if loop.walking and tilts else None  # None before the policy's first step
             estimator.update(loop.sensed, plan, 1e-6 * (loop.now_us - tick_times_us[-1]))
         else:
             estimator.reset(loop.sensed)

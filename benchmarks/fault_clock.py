@@ -137,7 +137,8 @@ def run(kind: TimingFault, seed: int, rate_hz: float) -> dict[str, Any]:
 
     def is_damping(frames: Frames) -> bool:
         requests = end.requests(frames)
-        return requests.kind is None and not requests.values[2].any()
+        kp = requests.values[2]
+        return requests.kind is None and not kp.any()  # commands without stiffness
 
     policy, watch = InjectingPolicy(load_policy(POLICY, robot)), Watch(kind, body, is_damping)
     bus.watch = watch.sent

@@ -38,7 +38,7 @@ def write_atomically(path: Path, content: bytes, mode: int | None = None) -> Non
 
 
 def is_named_pipe(path: Path) -> bool:
-    """Whether a path is a FIFO in a folder: opening it may block. /dev/stdout and `<(...)` are not."""
+    """Whether a path is a FIFO, which may block when opened. /dev/stdout and `<(...)` do not count."""
     try:
         return stat.S_ISFIFO(os.stat(path).st_mode) and os.path.exists(os.path.realpath(path))
     except OSError:

@@ -37,7 +37,7 @@ PROGRESS: dict[Mode, tuple[Callable[[Signals, SafetyConfig], bool], Mode]] = {
     Mode.STOPPING: (lambda s, _: s.end.stopped, Mode.LOWERING),
     Mode.RECOVERING: (lambda s, _: s.recovery.stands, Mode.STANDING),
 }
-CHECKED_FIRST = {Mode.IDLE: Mode.STANDING, Mode.STANDING: Mode.WALKING}  # a wiring check may come in between
+CHECKED_FIRST = {Mode.IDLE: Mode.STANDING, Mode.STANDING: Mode.WALKING}  # delayed by a due wiring check
 
 
 def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
@@ -58,7 +58,7 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     if end.finish and state.mode is Mode.RECOVERING:
         return State(Mode.FALLING, now, state.faults, tries=state.tries)
     if end.finish and (state.mode is not Mode.STOPPING or end.skip_lie_down):
-        ending = _lowered_or(Mode.RELEASING, state.mode, signals)
+        ending = _lowering_or(Mode.RELEASING, state.mode, signals)
         may_stop = ending is Mode.LOWERING or (end.caught and not end.skip_lie_down)
         stops = may_stop and state.mode is Mode.WALKING
         return State(Mode.STOPPING if stops else ending, now, state.faults)
@@ -70,7 +70,7 @@ def advance(state: State, signals: Signals, config: SafetyConfig) -> State:
     elif state.mode is Mode.CHECKING and signals.wiring.stood:
         following = Mode.WALKING
     if following is Mode.LOWERING:
-        following = _lowered_or(Mode.RELEASING, state.mode, signals)
+        following = _lowering_or(Mode.RELEASING, state.mode, signals)
     faults = () if state.mode is Mode.RECOVERING else state.faults  # the robot stands: faults end
     fault_state = _failure(state, following, signals, config)
     return fault_state or State(following, now, faults, tries=state.tries)
@@ -111,7 +111,7 @@ def _failure(state: State, mode: Mode, signals: Signals, config: SafetyConfig) -
                     continue
                 return state._replace(faults=(*state.faults, fault))
             if leads_to is Mode.LOWERING:
-                leads_to = _lowered_or(Mode.ESTOP, state.mode, signals)
+                leads_to = _lowering_or(Mode.ESTOP, state.mode, signals)
             tries = 0 if _walked_well(state, signals, config) else state.tries
             return State(leads_to, signals.now_s, (*state.faults, fault), tries=tries)
     return None
@@ -122,8 +122,8 @@ def _walked_well(state: State, signals: Signals, config: SafetyConfig) -> bool:
     return state.mode in DECIDING and signals.now_s - state.since_s >= config.recovery.same_fall_s
 
 
-def _lowered_or(otherwise: Mode, mode: Mode, signals: Signals) -> Mode:
-    """LOWERING for a robot that can lie down and whose joints have stiffness, otherwise the other mode."""
+def _lowering_or(alternative: Mode, mode: Mode, signals: Signals) -> Mode:
+    """LOWERING for a robot that can lie down and whose joints have stiffness, otherwise `alternative`."""
     stands = mode in MOVING or (mode is Mode.CHECKING and signals.wiring.stood)
     can_lie = signals.end.may_lie and not signals.end.skip_lie_down and stands
-    return Mode.LOWERING if can_lie else otherwise
+    return Mode.LOWERING if can_lie else alternative

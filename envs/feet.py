@@ -38,7 +38,7 @@ class Feet:
 
         Args:
             position: position of the points, m, world, (points, 3).
-            ground: ground height below each point, m, (points,).
+            ground: height of the terrain below each point, over the world's z = 0, m, (points,).
         """
         return jnp.min((height_above_ground(position) - ground - self._radius)[self._points_of_foot], axis=1)
 

@@ -18,7 +18,7 @@ from footfall.evaluate.comparison import Comparison, PolicyResult
 from footfall.evaluate.config import DEFAULT_EVALUATION, EvaluationConfig
 from footfall.evaluate.missions import make_mission, scenario_of
 from footfall.evaluate.own_metrics import check_metrics
-from footfall.evaluate.provenance import PACKAGES, machine, origin
+from footfall.evaluate.provenance import PACKAGES, machine, policy_description
 from footfall.evaluate.scenarios import ScenarioFile, load_scenarios
 from footfall.evaluate.suite import CourseWalk, run_course, run_grounds, run_suite
 from footfall.evaluate.table import print_results, weakest_table
@@ -209,7 +209,7 @@ def _score(
         spec: {
             "policy": names[spec],
             **shared,
-            "about": origin(policy, changed_settings(spec)),
+            "about": policy_description(policy, changed_settings(spec)),
             "settings": settings[spec],
             "scenarios": figures[spec],
         }

@@ -14,7 +14,7 @@ def machine() -> str:
     return f"{platform.system()} {platform.machine()}, {usable_cores()} cores"
 
 
-def origin(policy: Policy, changes: Sequence[str] = ()) -> str:
+def policy_description(policy: Policy, changes: Sequence[str] = ()) -> str:
     """Description of a policy, one sentence: its trainer if the file names it, its motion prior if any.
 
     Args:

@@ -46,7 +46,7 @@ class Scene:
             self._add_shape(server, model, shape)
         self._arrows = {
             name: scene.add_arrows(
-                f"{WORLD}/{name}", np.zeros((1, 2, 3)), _bytes(colour), shaft_radius=0.035 * height,
+                f"{WORLD}/{name}", np.zeros((1, 2, 3)), _rgb_bytes(colour), shaft_radius=0.035 * height,
                 head_radius=0.08 * height, head_length=0.16 * height, visible=False,
             )
             for name, colour in (("command", colours.COMMAND), ("velocity", colours.VELOCITY))
@@ -91,11 +91,12 @@ class Scene:
     def begin(self) -> None:
         """Centre the view at the origin, at the beginning of an episode."""
         self._view_centre = np.zeros(3)
+        self._world.position = np.zeros(3)
 
     def _add_shape(self, server: "ViserServer", model: mujoco.MjModel, shape: Shape) -> None:
         server.scene.add_mesh_simple(
             f"{_frame_of(shape.body)}/geom_{shape.geom}", shape.vertices, shape.faces,
-            color=_bytes(np.maximum(shape.rgba, MIN_CHANNEL)),
+            color=_rgb_bytes(np.maximum(shape.rgba, MIN_CHANNEL)),
             opacity=None if shape.rgba[3] == 1.0 else float(shape.rgba[3]),
             position=shape.position, wxyz=shape.quaternion,
             flat_shading=model.geom_type[shape.geom] in FLAT_SHADED,
@@ -107,7 +108,7 @@ def _frame_of(body: int) -> str:
     return f"{WORLD}/body_{body}"
 
 
-def _bytes(rgba: np.ndarray) -> tuple[int, int, int]:
+def _rgb_bytes(rgba: np.ndarray) -> tuple[int, int, int]:
     red, green, blue = (round(255 * float(part)) for part in rgba[:3])
     return red, green, blue
 

@@ -11,7 +11,7 @@ UPDATE_S = 0.01
 
 
 class SimulatedBattery:
-    """A pack. `charge`, `resistance_ohm` and `voltage_error_v` may be written to, to inject faults."""
+    """A pack. `charge`, `resistance_ohm` and `voltage_error_v` may be set to inject faults."""
 
     def __init__(
         self, robot: Robot, battery: Battery, motors: SimulatedMotors, charge: float, step_s: float
@@ -35,7 +35,7 @@ class SimulatedBattery:
         self._load(battery.idle_w)
 
     def add(self, torque: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
-        """One physics step (see `EnergyMeter.add`)."""
+        """Add the energy of one physics step, with the arguments of `EnergyMeter.add`."""
         self._meter.add(torque, before, after)
         self._steps += 1
         if self._steps % self._update_steps == 0:

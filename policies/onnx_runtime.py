@@ -1,7 +1,7 @@
-"""ONNX Runtime without telemetry, which its official builds have sent since 1.29 unless a variable is set.
+"""ONNX Runtime without telemetry.
 
-They also write a database in the user's cache folder and start a thread beside the control loop. A user's own
-value of the variable is kept.
+Official builds send telemetry since 1.29 unless ORT_DISABLE_TELEMETRY is set: they write a database in the
+user's cache folder and start a thread beside the control loop. A value that the user has set is kept.
 """
 
 import os

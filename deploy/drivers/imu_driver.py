@@ -1,7 +1,7 @@
 """Interface of IMU protocols for the control loop.
 
 An external driver is a class that `imu_protocol` in robot.yaml names as MODULE:NAME. It may have `older`, the
-number of samples so far that were older than the latest: then replays are also detected by their counters.
+number of samples so far whose counter was older than the latest: then replayed frames are detected, too.
 The driver of an IMU without orientation has `orientation = False`, and any unit quaternion in its readings:
 an attitude filter replaces it (`oriented_imu.py`). The driver of a serial port has `serial = True`, and gets
 the bytes as frames (`serial_imu.py`); `damaged` counts messages with a wrong checksum.

@@ -27,7 +27,7 @@ class OrientedImu:
 
     @property
     def oldest(self) -> str:
-        """Name of the oldest part of the reading."""
+        """Name of the oldest part of the reading; until the filter has started, with the reason."""
         if self._estimator.attitude is None and self._driver.arrived_us is not None:
             return "quaternion: the robot must be at rest at first"
         return self._driver.oldest

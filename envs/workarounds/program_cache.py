@@ -166,10 +166,10 @@ def _look_up(key: tuple[Any, ...], source: list[tuple[Path, bytes]] | None, inst
         return _Found(None)
     path = Path(folder) / "programs" / fingerprint([*source, *_surroundings(installed), *key])
     try:
-        program, compiled_kernels, *values = pickle.loads(read_private(path))
+        program, compiled_kernels, *values = pickle.loads(read_private(path))  # see `_write`
         kernels.adopt(compiled_kernels)
         found = _Found(path, deserialize_and_load(program, *map(jax.tree.structure, values)))
-        os.utime(path)  # used: the last to be evicted
+        os.utime(path)  # mark as most recently used
         return found
     except NotPrivateError as error:
         return _Found(path, refusal=str(error))
@@ -178,7 +178,7 @@ def _look_up(key: tuple[Any, ...], source: list[tuple[Path, bytes]] | None, inst
 
 
 def _write(path: Path, compiled: jax.stages.Compiled) -> None:
-    with suppress(Exception):  # a full disk, a folder of others, a program that calls Python
+    with suppress(Exception):  # a full disk, another user's folder, a program that calls Python
         program, *structures = serialize(compiled)
         # JAX does not serialise structures with foreign types; these are values of the same structure.
         values = [jax.tree.unflatten(structure, range(structure.num_leaves)) for structure in structures]

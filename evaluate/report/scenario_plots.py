@@ -14,7 +14,7 @@ from footfall.evaluate.statistics import Survival
 
 Summaries = Mapping[str, Summary]  # by policy
 
-LEVEL_LABELS = {
+CONDITION_LABELS = {
     "friction": "friction coefficient",
     "payload_kg": "load, kg",
     "motor_strength": "motor strength, share",
@@ -94,14 +94,14 @@ def conditions(scenarios: Sequence[tuple[str, Summaries]]) -> Plot:
     """Velocity error, falls and, on uneven ground, successes over a condition: panels by scenario.
 
     Args:
-        scenarios: names of levels, each with the summaries {policy: summary} of its scenario.
+        scenarios: keys of conditions, such as `friction`, each with {policy: summary} of its scenario.
     """
     panels = []
-    for number, (level, summaries) in enumerate(scenarios):
+    for number, (condition, summaries) in enumerate(scenarios):
         rows = {policy: summary.get("rows", []) for policy, summary in summaries.items()}
         if any(rows.values()):
             panels += [
-                _condition_panel(f"condition-{number}-{column}", level, rows, figure)
+                _condition_panel(f"condition-{number}-{column}", condition, rows, figure)
                 for column, figure in enumerate(_figures_of(rows))
             ]
     return Plot(
@@ -146,27 +146,27 @@ SUCCESSES = ConditionFigure("successes", "%", _successes, 105.0, "success_rate_i
 
 def _figures_of(rows: Mapping[str, list[Summary]]) -> tuple[ConditionFigure, ...]:
     """Figures that these rows have: successes are counted on uneven ground only."""
-    on_ground = any("success_rate" in row for each in rows.values() for row in each)
-    return (*CONDITION_FIGURES, SUCCESSES) if on_ground else CONDITION_FIGURES
+    is_uneven = any("success_rate" in row for each in rows.values() for row in each)
+    return (*CONDITION_FIGURES, SUCCESSES) if is_uneven else CONDITION_FIGURES
 
 
 def _condition_panel(
-    identity: str, level: str, rows: Mapping[str, list[Summary]], figure: ConditionFigure
+    identity: str, condition: str, rows: Mapping[str, list[Summary]], figure: ConditionFigure
 ) -> Markup:
-    label = LEVEL_LABELS.get(level, level.replace("_", " "))
+    label = CONDITION_LABELS.get(condition, condition.replace("_", " "))
     with Panel(identity) as panel:
         ax = panel.axes
         lines: dict[float, list[str]] = {}
         for index, (policy, policy_rows) in enumerate(rows.items()):
-            x, y = [row[level] for row in policy_rows], [figure.measure(row) for row in policy_rows]
+            x, y = [row[condition] for row in policy_rows], [figure.measure(row) for row in policy_rows]
             ax.plot(x, y, **line(index), marker=marker(index), ms=4.5)
-            for value, number, row in zip(x, y, policy_rows, strict=True):
+            for value, measured, row in zip(x, y, policy_rows, strict=True):
                 interval = ""
                 if figure.interval:
                     low, high = (100.0 * edge for edge in row[figure.interval])
                     ax.vlines(value, low, high, color=colour(index), lw=0.8, alpha=0.7)
                     interval = f" ({low:.0f} to {high:.0f})"
-                lines.setdefault(value, []).append(f"{policy} {number:.3g}{interval}")
+                lines.setdefault(value, []).append(f"{policy} {measured:.3g}{interval}")
         ax.set(xlabel=label, ylabel=figure.unit, title=figure.name)
         ax.set_ylim(bottom=0.0 if figure.axis_top is None else -5.0, top=figure.axis_top)
         readings = [
@@ -181,16 +181,16 @@ def sweep(summaries: Summaries) -> Plot:
     tried = [(name, summary["rows"]) for name, summary in summaries.items() if summary.get("rows")]
     errors = np.array([_error(row) for _, rows in tried for row in rows])
     finite = errors[np.isfinite(errors)]
-    worst = float(np.percentile(finite, 95)) if len(finite) else 1.0
+    large_error = float(np.percentile(finite, 95)) if len(finite) else 1.0
     return Plot(
         "Commands",
         "Velocity error in m/s by command, the darker the smaller. ✕: it fell. Empty cells were not tried.",
-        [_sweep_panel(number, *item, worst) for number, item in enumerate(tried)],
+        [_sweep_panel(number, *item, large_error) for number, item in enumerate(tried)],
     )
 
 
-def _sweep_panel(number: int, policy: str, rows: list[Summary], worst: float) -> Markup:
-    """Cells in colours from 0 to the error `worst`."""
+def _sweep_panel(number: int, policy: str, rows: list[Summary], large_error: float) -> Markup:
+    """Cells in colours from an error of 0 to `large_error`."""
     forward, yaw = (sorted({row[axis] for row in rows}) for axis in ("forward_m_s", "yaw_rad_s"))
     cells = np.full((len(yaw), len(forward)), np.nan)
     readings = []
@@ -201,7 +201,7 @@ def _sweep_panel(number: int, policy: str, rows: list[Summary], worst: float) ->
             error = _error(row)
             cells[y, x] = error
             mark = "✕" if row["falls"] else "" if math.isnan(error) else f"{error:.2f}"
-            is_dark = not math.isnan(error) and error < 0.6 * worst
+            is_dark = not math.isnan(error) and error < 0.6 * large_error
             text_colour = INK if math.isnan(error) else "white" if is_dark else "black"
             ax.text(x, y, mark, ha="center", va="center", fontsize=10.5, color=text_colour)
             readings.append(
@@ -213,7 +213,7 @@ def _sweep_panel(number: int, policy: str, rows: list[Summary], worst: float) ->
                     f"\nfell in {row['falls']} of {row['episodes']}",
                 )
             )
-        ax.imshow(cells, origin="lower", aspect="auto", cmap="viridis", vmin=0.0, vmax=worst)
+        ax.imshow(cells, origin="lower", aspect="auto", cmap="viridis", vmin=0.0, vmax=large_error)
         ax.set_xticks(range(len(forward)), [f"{value:g}" for value in forward])
         ax.set_yticks(range(len(yaw)), [f"{value:g}" for value in yaw])
         ax.set(title=policy, xlabel="forward, m/s", ylabel="yaw rate, rad/s")

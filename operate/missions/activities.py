@@ -23,6 +23,7 @@ JUMP_COMMAND = np.array([0.3, 0.0, 0.0])  # command that makes the robot jump
 MIN_JUMP_M = 0.2  # beyond this distance from the jump's start the robot has taken off
 LANDED_S = 1.5  # time from take-off until the robot stands again
 JUMP_S = 3.0  # approximate duration of a jump
+APPROACH_M_S = 1.0  # assumed speed to a pose nearby, for the remaining time
 
 
 class Output(NamedTuple):
@@ -91,7 +92,8 @@ class Reach:
         turn_s = abs(self.goal.yaw_rad - now.pose.yaw_rad) / self.limits.yaw_rad_s
         velocity = ZERO_COMMAND if done else command_towards(self.goal, now.pose, self.limits, self.tracking)
         failure = _off_path(error_m, self.tracking)
-        return Output(Request(velocity), turn_s + error_m, done, error_m, failure)
+        remaining_s = turn_s + error_m / APPROACH_M_S
+        return Output(Request(velocity), remaining_s, done, error_m, failure)
 
 
 @dataclass
@@ -129,8 +131,8 @@ class Change:
             ZERO_COMMAND, policy=self.policy, gait=self.gait, settings=self.settings or NO_SETTINGS
         )
         done = self.policy in ("", now.policy)
-        late = not done and now.time_s > TAKE_OVER_TIMEOUT_S
-        return Output(request, 0.0, done, failure=f"'{self.policy}' does not take over" if late else "")
+        timed_out = not done and now.time_s > TAKE_OVER_TIMEOUT_S
+        return Output(request, 0.0, done, failure=f"'{self.policy}' does not take over" if timed_out else "")
 
 
 @dataclass
@@ -162,8 +164,8 @@ class Leap:
     def _request(
         self, now: Input, policy: str, velocity: np.ndarray = ZERO_COMMAND, done: bool = False
     ) -> Output:
-        late = not done and now.time_s - self._phase_start_s > TAKE_OVER_TIMEOUT_S
-        failure = f"'{policy}' does not {'jump' if velocity.any() else 'take over'}" if late else ""
+        timed_out = not done and now.time_s - self._phase_start_s > TAKE_OVER_TIMEOUT_S
+        failure = f"'{policy}' does not {'jump' if velocity.any() else 'take over'}" if timed_out else ""
         return Output(Request(velocity, policy=policy), self.remaining_jumps * JUMP_S, done, failure=failure)
 
 

@@ -10,7 +10,7 @@ from footfall.operate.ros2.arguments import READY, BridgeArguments
 RETRY_S = 0.1
 
 
-def ready(end: Callable[[], object]) -> None:
+def report_ready(end: Callable[[], object]) -> None:
     """Report to the parent process that this one is ready; `end` is called when the standard input ends."""
 
     def wait() -> None:
@@ -39,7 +39,7 @@ class Reading:
         self._ended = threading.Event()
         threading.Thread(target=self._read, args=(arguments.feed,), name="feed", daemon=True).start()
         if arguments.child:
-            ready(self._end_now)
+            report_ready(self._end_now)
         else:
             print(READY, flush=True)
 

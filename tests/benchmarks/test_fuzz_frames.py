@@ -1,4 +1,4 @@
-"""Fuzzing of frames: the limits of a command, and the branches of a driver that it covers."""
+"""Fuzzing of frames: random frames cause no error, and commands beyond the limits are found."""
 
 from unittest.mock import Mock
 
@@ -13,16 +13,16 @@ from footfall.robots.description import Robot
 BATCHES = range(24)
 
 
-def fuzzed(model: str, known: bool = True) -> Tally:
+def fuzzed(model: str, settings_known: bool = True) -> Tally:
     tally = Tally()
-    fuzz_frames.fuzz_motors_of(model, known, BATCHES, tally)
+    fuzz_frames.fuzz_motors_of(model, settings_known, BATCHES, tally)
     return tally
 
 
 @pytest.mark.parametrize("model", fuzz_frames.MODELS)
-@pytest.mark.parametrize("known", [False, True])
-def test_random_frames_cause_no_error(model: str, known: bool) -> None:
-    tally = fuzzed(model, known)
+@pytest.mark.parametrize("settings_known", [False, True])
+def test_random_frames_cause_no_error(model: str, settings_known: bool) -> None:
+    tally = fuzzed(model, settings_known)
     assert tally.unexpected == {}
     assert [counts.total() for counts in tally.outcomes.values()] == [len(BATCHES)] * 2
 
@@ -48,8 +48,8 @@ def test_a_torque_within_the_frames_range_is_compared_with_the_motors(
     [
         (0.0, 23.7, 0.0),  # peak torque of a hip
         (0.0, 47.4, 1.0),
-        (30.1, 23.7, None),  # faster than it can push
-        (-30.1, 23.7, 0.0),  # and brakes
+        (30.1, 23.7, None),  # no torque is left in the direction of motion
+        (-30.1, 23.7, 0.0),  # braking with the peak torque is possible
     ],
 )
 def test_motor_torque_by_its_speed(go1: Robot, velocity: float, torque: float, excess: float | None) -> None:

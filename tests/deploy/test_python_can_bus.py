@@ -32,7 +32,7 @@ class FakeBus:
         assert timeout == 0
         found = self.waiting.pop(0) if self.waiting else None
         if found == "failure":
-            raise ValueError  # a foreign datagram
+            raise ValueError  # as for a datagram of another program
         return found
 
 
@@ -49,12 +49,12 @@ def received(identifier: int, data: bytes | None, timestamp: float = 0.0, **spec
 
 @pytest.fixture
 def buses(monkeypatch: pytest.MonkeyPatch) -> list[FakeBus]:
-    """The buses that are opened, in order."""
+    """The buses that python-can has opened, in order."""
     buses: list[FakeBus] = []
-    fake: Any = SimpleNamespace(CanError=can_error, Message=SimpleNamespace)
-    fake.VALID_INTERFACES = frozenset({"slcan", "virtual", "udp_multicast"})
-    fake.Bus = lambda **options: buses.append(FakeBus(**options)) or buses[-1]
-    monkeypatch.setitem(sys.modules, "can", fake)
+    can: Any = SimpleNamespace(CanError=can_error, Message=SimpleNamespace)
+    can.VALID_INTERFACES = frozenset({"slcan", "virtual", "udp_multicast"})
+    can.Bus = lambda **options: buses.append(FakeBus(**options)) or buses[-1]
+    monkeypatch.setitem(sys.modules, "can", can)
     return buses
 
 
@@ -162,7 +162,8 @@ class TestPythonCanBus:
         self, fake: FakeTime, monkeypatch: pytest.MonkeyPatch, reason: str
     ) -> None:
         """A fault stays, so the state is not read again."""
-        read_ns, name = list[int](), {"": "ACTIVE", "passive": "PASSIVE", "bus-off": "ERROR"}[reason]
+        read_ns: list[int] = []  # times at which the state was read
+        name = {"": "ACTIVE", "passive": "PASSIVE", "bus-off": "ERROR"}[reason]
         state = property(lambda _: read_ns.append(fake.ns) or SimpleNamespace(name=name))
         monkeypatch.setattr(FakeBus, "state", state, raising=False)
         bus, begun_ns = PythonCanBus("virtual", ("can0",), ()), fake.ns

@@ -45,8 +45,8 @@ def after(mode: Mode, changes: dict[str, Any], since_s: float = 4.0) -> State:
 
 
 # For each signal the next mode of a robot that can lie down, in IDLE, CHECKING, STANDING, WALKING, STOPPING,
-# LOWERING and RECOVERING: the mode stays (-), or changes to ESTOP, FALLING or LOWERING, by initials. A robot
-# in IDLE is ready: a signal that is a fault in STANDING prevents the change to STANDING.
+# LOWERING and RECOVERING: the mode stays (-), or changes to ESTOP (E), FALLING (F) or LOWERING (L). In IDLE
+# the robot is ready to stand, so a fault of STANDING counts, too.
 TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"motors.silence_s": 0.06}, "no reply from FR_hip_joint (can0, id 1) for 50 ms", "-EEEEEE"),
     ({"imu.silence_s": 0.06}, "no new IMU reading (gyro) for 50 ms", "-EEEEEE"),
@@ -75,7 +75,7 @@ TABLE: list[tuple[dict[str, Any], str, str]] = [
     ({"recovery.tried_s": 6.0, "start.not_ready": "motor x is off"}, "not standing 6 s after", "------F"),
     ({"policy.command_finite": False}, "is not finite", "E-LLL-E"),
 ]
-ENDS = {"E": E, "F": F, "L": L}
+FAULT_MODES = {"E": E, "F": F, "L": L}
 STARTED = {"now_s": 0.5}  # before `start_timeout_s`
 
 
@@ -89,12 +89,12 @@ class TestTable:
     def test_each_signal_leads_to_its_mode(self, changes: dict[str, Any], fault: str, row: str) -> None:
         """A robot that can lie down does so after a fault of its policy; one that cannot is damped."""
         for mode, initial in columns(row):
-            signals, leads_to = changes | (STARTED if mode is N else {}), ENDS.get(initial, mode)
+            signals, leads_to = changes | (STARTED if mode is N else {}), FAULT_MODES.get(initial, mode)
             assert after(mode, signals).mode is (E if leads_to is L and mode is not L else leads_to), mode
             state = after(mode, signals | {"end.may_lie": True})
             assert (state.mode, len(state.faults)) == (leads_to, initial != "-"), mode
             assert all(fault in each and "\n" not in each for each in state.faults)
-        for mode in DAMPED:  # to the end
+        for mode in DAMPED:  # latched until the damping ends
             assert after(mode, changes, since_s=4.9) == State(mode, 4.9)
 
     def test_the_table_has_a_row_for_every_rule_except_the_time_to_start(self) -> None:
@@ -149,7 +149,7 @@ class TestStart:
 
 
 # Each request in each mode, and the mode to which it leads a robot that can lie down.
-WISHES: list[tuple[Mode, dict[str, Any], Mode]] = [
+REQUESTS: list[tuple[Mode, dict[str, Any], Mode]] = [
     (S, {}, S),
     (S, {"posture_done": True}, W),
     (P, {}, P),
@@ -173,7 +173,7 @@ WISHES: list[tuple[Mode, dict[str, Any], Mode]] = [
 
 
 class TestProgress:
-    @pytest.mark.parametrize(("mode", "changes", "leads_to"), WISHES)
+    @pytest.mark.parametrize(("mode", "changes", "leads_to"), REQUESTS)
     def test_each_mode_leads_to_the_next(self, mode: Mode, changes: dict[str, Any], leads_to: Mode) -> None:
         since_s = 4.0 if leads_to is mode else changes.get("now_s", 5.0)
         assert after(mode, {"end.may_lie": True} | changes) == State(leads_to, since_s)

@@ -48,15 +48,16 @@ class TestOne:
             check_env(one, skip_render_check=True)
 
     def test_a_fall_terminates_and_a_timeout_truncates(self, one: GymnasiumEnv) -> None:
-        begun, _ = one.reset(seed=2)
-        assert begun.shape == (observation_size(one.env.contract),)
+        observation, _ = one.reset(seed=2)
+        assert observation.shape == (observation_size(one.env.contract),)
         upside_down = {"qpos": one.state.qpos.at[2:7].set(np.array([0.4, 0.0, 1.0, 0.0, 0.0]))}
-        last = {"steps": one.state.steps + one.env.episode_steps - 1}
-        for changed, ends in (({}, (False, False)), (upside_down, (True, False)), (last, (False, True))):
+        last_step = {"steps": one.state.steps + one.env.episode_steps - 1}
+        cases = ({}, (False, False)), (upside_down, (True, False)), (last_step, (False, True))
+        for changes, flags in cases:
             one.reset(seed=2)
-            one.state = one.state._replace(**changed)
+            one.state = one.state._replace(**changes)
             _, reward, terminated, truncated, info = one.step(np.zeros(12))
-            assert (terminated, truncated) == ends
+            assert (terminated, truncated) == flags
             assert np.isfinite([reward, info["linear_error_m_s"], info["yaw_error_rad_s"]]).all()
 
     def test_actions_reach_the_soft_limit_that_is_further_away(self, one: GymnasiumEnv) -> None:
@@ -169,10 +170,10 @@ def test_a_picture_is_rendered() -> None:
     options: Any = {"capture_output": True, "text": True}
     for back_end in ("egl", "osmesa"):
         variables = os.environ | {"MUJOCO_GL": back_end, "PYOPENGL_PLATFORM": back_end}
-        done = subprocess.run([sys.executable, "-c", RENDER], env=variables, check=False, **options)
-        if done.returncode == 0:
-            assert (done.stdout, done.stderr) == ("(320, 480, 3) uint8 True\n", "")
+        rendering = subprocess.run([sys.executable, "-c", RENDER], env=variables, check=False, **options)
+        if rendering.returncode == 0:
+            assert (rendering.stdout, rendering.stderr) == ("(320, 480, 3) uint8 True\n", "")
             return
         probe = subprocess.run([sys.executable, "-c", PROBE], env=variables, check=False, **options)
-        assert probe.returncode, done.stderr  # this machine can render, but not this environment
+        assert probe.returncode, rendering.stderr  # if MuJoCo can draw here, the environment must render
     pytest.skip(f"no offscreen rendering here: {probe.stderr.splitlines()[-1]}")

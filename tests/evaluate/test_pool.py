@@ -1,4 +1,4 @@
-"""Tasks in parallel processes: none is lost, however its process ends."""
+"""Tasks in parallel processes: each has an outcome, even if its process dies."""
 
 import os
 import signal
@@ -71,7 +71,7 @@ else:
 
 
 @pytest.mark.parametrize(
-    ("awaited", "seconds", "workers", "number", "ignored", "expected"),
+    ("awaited", "seconds", "workers", "sent_signal", "ignored", "expected"),
     [
         ("loading", "300", 2, signal.SIGINT, False, (130, "", "")),
         ("task", "300", 1, signal.SIGTERM, False, (130, "", "")),
@@ -82,7 +82,7 @@ else:
 )
 def test_a_signal_ends_long_tasks_at_once_and_prints_nothing(
     tmp_path: Path, awaited: str, seconds: str, workers: int,
-    number: signal.Signals, ignored: bool, expected: tuple[int, str, str],
+    sent_signal: signal.Signals, ignored: bool, expected: tuple[int, str, str],
 ) -> None:  # fmt: skip
     """Ctrl-C reaches the command's process group, as on a terminal; SIGTERM reaches the command alone."""
     (tmp_path / "script.py").write_text(SCRIPT)
@@ -95,7 +95,7 @@ def test_a_signal_ends_long_tasks_at_once_and_prints_nothing(
         deadline = time.monotonic() + 60
         while len(list(tmp_path.glob(f"{awaited}-*"))) < workers and time.monotonic() < deadline:
             time.sleep(0.01)
-        (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
+        (os.killpg if sent_signal == signal.SIGINT else os.kill)(process.pid, sent_signal)
         output = process.communicate(timeout=60)
     finally:
         with suppress(ProcessLookupError):

@@ -18,7 +18,7 @@ from footfall.evaluate import api, suite
 from footfall.evaluate.comparison import Comparison, PolicyResult, command_line
 from footfall.evaluate.plan import EpisodePlan, plan_episodes
 from footfall.evaluate.pool import TaskResult
-from footfall.evaluate.provenance import origin
+from footfall.evaluate.provenance import policy_description
 from footfall.evaluate.scenarios import Scenario, ScenarioFile, Waypoint
 from footfall.evaluate.suite import CourseWalk
 from footfall.evaluate.table import print_results
@@ -161,10 +161,10 @@ def test_the_origin_names_trainer_motion_prior_and_estimate(contract: Contract, 
 
     assert contract.gait is not None
     assert any(contract.gait.amplitude_rad)
-    assert "2.2 Hz (a motion prior)" in origin(learned(contract))
+    assert "2.2 Hz (a motion prior)" in policy_description(learned(contract))
     without = replace(contract, gait=None)
-    assert origin(learned(without)) == "learned policy, 50 Hz, no motion prior"
+    assert policy_description(learned(without)) == "learned policy, 50 Hz, no motion prior"
     by_trainer = "learned policy (trained by rsl_rl), 50 Hz, no motion prior"
-    assert origin(learned(without, trainer="rsl_rl")) == by_trainer
-    assert origin(load_policy("stand", go1)) == "hand-written controller, 500 Hz"
-    assert "on estimated velocity" in origin(load_policy("mpc", go1))
+    assert policy_description(learned(without, trainer="rsl_rl")) == by_trainer
+    assert policy_description(load_policy("stand", go1)) == "hand-written controller, 500 Hz"
+    assert "on estimated velocity" in policy_description(load_policy("mpc", go1))

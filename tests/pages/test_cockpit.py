@@ -109,24 +109,24 @@ class TestAccess:
         assert status == 200
         assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
         assert {"HttpOnly", "SameSite=Strict"} <= set(headers["Set-Cookie"].split("; "))
-        kept = headers["Set-Cookie"].split(";")[0]
-        assert page_status(served, "/", Cookie=kept)[0] == 200
+        cookie = headers["Set-Cookie"].split(";")[0]
+        assert page_status(served, "/", Cookie=cookie)[0] == 200
         for path in ("/", "/?token=", "/?token=%C3%A4", f"/?token={served.token}x"):
             assert page_status(served, path)[0] == 403
-        assert page_status(served, "/", Cookie=f"{kept}x")[0] == 403
+        assert page_status(served, "/", Cookie=f"{cookie}x")[0] == 403
         assert page_status(served, f"/?token={served.token}", Host="evil.example")[0] == 403
 
     def test_other_pages_and_tokens_are_refused(self, served: SimpleNamespace) -> None:
-        wrongs = [{"token": token} for token in ("", "guess")]
-        wrongs += [{"origin": origin} for origin in ("http://evil.example", "http://localhost:1", None)]
-        for wrong in wrongs:
+        refused = [{"token": token} for token in ("", "guess")]
+        refused += [{"origin": origin} for origin in ("http://evil.example", "http://localhost:1", None)]
+        for changes in refused:
             with pytest.raises(InvalidStatus) as caught:
-                steering(served, **wrong)
+                steering(served, **changes)
             assert caught.value.response.status_code == 403
 
 
 def velocity_becomes(inbox: Inbox, velocity: list[float]) -> bool:
-    """Whether the owner's last requested velocity, of any age, is this one soon."""
+    """Whether the velocity command becomes this one; while STANDING, it does not expire."""
     return bool(eventually(lambda: inbox.poll(STANDING).velocity.tolist() == velocity, PATIENCE_S))
 
 
@@ -142,7 +142,7 @@ class TestCommands:
         take_and_move(visitor, [0.3, 0.0, 0.1])
         other = Visitor(served)
         take_and_move(other, [-0.5, 0.0, 0.0])
-        other.socket.close()  # at once, before the server has the owner of control
+        other.socket.close()  # before the server's next state names it as the owner
         assert velocity_becomes(served.inbox, [0.0, 0.0, 0.0])
 
     def test_old_or_wrong_requests_change_nothing(self, served: SimpleNamespace, visitor: Visitor) -> None:
@@ -166,7 +166,7 @@ class TestCommands:
                 assert visitor.refusal()
         assert served.inbox.poll(STANDING).velocity.tolist() == [0.2, 0.0, 0.0]
 
-    def test_a_stop_of_any_page_and_age_counts_and_is_repeated(self, go1: Robot, tmp_path: Path) -> None:
+    def test_any_page_may_stop_the_robot_and_then_damp_it(self, go1: Robot, tmp_path: Path) -> None:
         with serving(go1, tmp_path / "feed") as served:
             inbox = served.inbox
             with steering(served) as stopping:
@@ -206,7 +206,7 @@ def test_a_motion_lasts_as_long_as_its_key_is_held(go1: Robot, tmp_path: Path) -
         page.ask("Input.dispatchKeyEvent", type="keyDown", **key)
         assert eventually(moves, PATIENCE_S)
 
-    def stands() -> bool:
+    def stops() -> bool:
         return bool(eventually(lambda: not inbox.poll(WALKING).velocity.any(), PATIENCE_S))
 
     others = multiprocessing.active_children()
@@ -218,26 +218,26 @@ def test_a_motion_lasts_as_long_as_its_key_is_held(go1: Robot, tmp_path: Path) -
         assert "token" not in page.value("location.href")
         hold()
         page.ask("Input.dispatchKeyEvent", type="keyUp", **key)
-        assert stands()
+        assert stops()
         hold()
         page.value("dispatchEvent(new Event('blur'))")
-        assert stands()
+        assert stops()
         hold()
         page.value("Object.defineProperty(document, 'hidden', {configurable: true, get: () => true})")
         page.value("document.dispatchEvent(new Event('visibilitychange'))")
-        assert stands()
+        assert stops()
         page.value("delete document.hidden")
         assert not eventually(moves, 0.5)  # no key was pressed meanwhile
         hold()
 
         os.kill(server.pid, signal.SIGSTOP)  # the network stalls
-        assert stands()
+        assert stops()
         page.wait_for(lambda page: "No connection" in page.text)
         page.value("document.getElementById('stop').dispatchEvent(new PointerEvent('pointerdown'))")
         os.kill(server.pid, signal.SIGCONT)  # the delayed messages arrive
         assert eventually(lambda: inbox.stopped, PATIENCE_S)
         page.wait_for(lambda page: "Stopped" in page.text)
-        assert stands()
+        assert stops()
         assert page.value("document.documentElement.scrollWidth <= innerWidth")
         assert page.errors == []
         assert all(each.split("/")[2].startswith("localhost") for each in page.requested if "//" in each)

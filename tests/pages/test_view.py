@@ -54,6 +54,24 @@ def test_bodies_are_drawn_by_frames_and_arrows_are_level_above_the_robot(go1: Ro
     assert np.abs(data.xpos[bodies] - data.xipos[bodies]).max() > 0.01  # frames are not at centres of mass
 
 
+@pytest.mark.parametrize("follow", [True, False])
+def test_an_episode_begins_with_the_view_at_the_origin(go1: Robot, follow: bool) -> None:
+    model = plant_model(go1)
+    data, still = mujoco.MjData(model), np.zeros(3)
+    with serving("localhost", free_port(), "test") as server:
+        scene = Scene(server, go1, model)
+        for x_m in (0.0, 5.0):
+            data.qpos[:3] = x_m, 0.0, 0.3
+            mujoco.mj_kinematics(model, data)
+            scene.show(data, still, still, follow=True)
+        assert scene._world.position[0] < 0.0
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_kinematics(model, data)
+        scene.begin()
+        scene.show(data, still, still, follow=follow)
+        np.testing.assert_allclose(scene._world.position, 0.0, atol=1e-9)
+
+
 def test_without_a_policy_the_robot_stands(go1: Robot) -> None:
     """The robot is drawn in its default pose, and its lowest foot is on the ground."""
     body = standing(go1)

@@ -38,8 +38,8 @@ def test_the_mean_velocity_is_over_all_samples() -> None:
     assert progress.distance_m == pytest.approx(0.3)
 
 
-def test_the_energy_of_each_step_counts_once_for_any_number_of_steps(go1: Robot) -> None:
-    """Memory does not grow while the power is not taken: a served simulated robot may run for hours."""
+def test_the_power_is_a_mean_over_the_steps_since_it_was_last_taken(go1: Robot) -> None:
+    """Memory does not grow while the power is not taken, since a simulated robot may run for hours."""
     meter, rng = EnergyMeter(go1), np.random.default_rng(4)
     assert tuple(meter.take()) == (0.0, 0.0, 0.0)
     resistance, constant, gear = np.full(12, 0.17), np.full(12, 0.105), np.tile([6.0, 6.0, 9.0], 4)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from import_in_process import ROOT, import_in_process
 
-COMMAND_LINE = "src/footfall"  # whose folder links to the others
+COMMAND_LINE = "src/footfall"  # this folder has links to the other packages
 COMMAND_LINE_MODULES = {path.stem for path in (ROOT / COMMAND_LINE).glob("*.py")} - {"__init__"} | {"verbs"}
 LEARNING_ONLY = (
     *("jax", "jaxlib", "brax", "torch", "rsl_rl", "tensordict", "flax", "optax", "mujoco.mjx", "onnx"),
@@ -120,7 +120,7 @@ def without_report(names: list[str]) -> list[str]:
     return [name for name in names if not belongs_to(name, ("footfall.evaluate.report",))]
 
 
-def test_only_the_report_needs_plotting_libraries_and_nothing_that_acts_jax_or_torch() -> None:
+def test_only_the_report_needs_plotting_libraries_and_no_acting_package_needs_jax_or_torch() -> None:
     names = importable(*ACTING, COMMAND_LINE)
     others = without_report(names)
     import_in_process([*others, "footfall.evaluate.report.extra"], (*DRAWING, *LEARNING_ONLY))
@@ -134,8 +134,8 @@ def test_acting_packages_import_fast_and_without_learning(
 ) -> None:
     """CPU time is measured, which depends little on the load; a second try has the files in memory.
 
-    Where Python is told to write no bytecode, a folder of the test has it: compiling is no part of an import.
-    Modules of the report are tested above.
+    If Python may not write bytecode beside the sources, it is written to `tmp_path`, so that later tries need
+    no compilation. Modules of the report are tested above.
     """
     for _ in range(3):
         bytecode = tmp_path if sys.dont_write_bytecode else None

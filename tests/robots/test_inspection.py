@@ -34,11 +34,12 @@ def test_masses_margin_and_reach_are_those_calculated_by_hand(robot: Robot) -> N
     np.testing.assert_allclose(found.centre_m, [ahead, aside, -(left + right) / 4.76], atol=1e-9)
     assert found.margin_m == pytest.approx(0.01 + ahead)  # the heels are 0.01 m behind the base's origin
     # The thigh is 0.2 m long, the sole's middle 0.215 m below the knee and 0.03 m ahead of it.
-    shank, slant = np.hypot(0.03, 0.215), np.arctan2(0.03, 0.215)
+    below_knee, slant = np.hypot(0.03, 0.215), np.arctan2(0.03, 0.215)
     near, far = found.feet[0].reach_m
-    assert far == pytest.approx(0.2 + shank, abs=1e-3)
-    law_of_cosines = 0.04 + shank**2 + 2 * 0.2 * shank * np.cos(1.6 + slant)  # knees bend by 1.6 rad
-    assert near == pytest.approx(np.sqrt(law_of_cosines), abs=1.5e-3)
+    assert far == pytest.approx(0.2 + below_knee, abs=1e-3)
+    # Law of cosines, for a knee that bends by 1.6 rad.
+    near_sq = 0.04 + below_knee**2 + 2 * 0.2 * below_knee * np.cos(1.6 + slant)
+    assert near == pytest.approx(np.sqrt(near_sq), abs=1.5e-3)
 
 
 @pytest.mark.parametrize("off_m", [-0.004, 0.004])

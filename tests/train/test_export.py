@@ -19,7 +19,7 @@ from footfall.train.export import export
 from footfall.train.restamp import restamp
 
 INPUTS, HIDDEN, ACTIONS = 110, 8, 12  # the first and the last as in the contract
-NONE_SEEN = np.zeros((0, INPUTS))
+NO_OBSERVATIONS = np.zeros((0, INPUTS))
 
 
 def actor(shift: float = 0.0) -> Actor:
@@ -40,30 +40,31 @@ def actor(shift: float = 0.0) -> Actor:
 
 
 def test_an_export_is_written_only_if_it_agrees(contract: Contract, tmp_path: Path) -> None:
-    """A difference may be NaN, or appear only far from the mean, where the policy was trained."""
+    """A difference may be NaN, or appear only in observations of the training, far from their mean."""
 
     def differs_far_away(observed: np.ndarray) -> np.ndarray:
         return actor().act(observed) + (np.abs(observed) > 50.0).any(axis=1, keepdims=True)
 
     far = actor()._replace(act=differs_far_away), np.full((1, INPUTS), 100.0)
-    for wrong, seen in (*((actor(shift), NONE_SEEN) for shift in (2e-5, -2e-5, np.nan, np.inf)), far):
+    shifted = ((actor(shift), NO_OBSERVATIONS) for shift in (2e-5, -2e-5, np.nan, np.inf))
+    for wrong, observations in (*shifted, far):
         with pytest.raises(UserError):
-            export(wrong, contract, seen, tmp_path / "policy.onnx")
+            export(wrong, contract, observations, tmp_path / "policy.onnx")
         assert list(tmp_path.iterdir()) == []
-    assert export(actor(), contract, NONE_SEEN, tmp_path / "policy.onnx") < 1e-5
+    assert export(actor(), contract, NO_OBSERVATIONS, tmp_path / "policy.onnx") < 1e-5
     assert [path.name for path in tmp_path.iterdir()] == ["policy.onnx"]
 
 
 @pytest.fixture
-def aged(tmp_path: Path) -> Path:
+def outdated(tmp_path: Path) -> Path:
     """A policy of the zoo with an outdated digest."""
     folder = Path(shutil.copytree(ZOO / "go1-flat", tmp_path / "aged"))
-    write(folder, digest="0123456789abcdef")
+    change_contract(folder, digest="0123456789abcdef")
     (folder / "run.yaml").write_text("robot: go1\nrobot_digest: 0123456789abcdef\n")
     return folder
 
 
-def write(folder: Path, **changes: object) -> None:
+def change_contract(folder: Path, **changes: object) -> None:
     path = folder / "policy.onnx"
     model = onnx.load(path)
     metadata = {entry.key: entry.value for entry in model.metadata_props}
@@ -72,21 +73,21 @@ def write(folder: Path, **changes: object) -> None:
     onnx.save(model, path)
 
 
-def test_only_the_digest_changes(aged: Path, go1: Robot) -> None:
-    network, before = open_network(aged / "policy.onnx")
-    assert restamp(aged) == ("0123456789abcdef", go1.digest)
-    restamped, after = open_network(aged / "policy.onnx")
+def test_only_the_digest_changes(outdated: Path, go1: Robot) -> None:
+    network, before = open_network(outdated / "policy.onnx")
+    assert restamp(outdated) == ("0123456789abcdef", go1.digest)
+    restamped, after = open_network(outdated / "policy.onnx")
     assert after == replace(before, digest=go1.digest)
     assert restamped.get_modelmeta().custom_metadata_map[TRAINER_KEY] == "brax"
     observed = np.random.default_rng(0).normal(size=(1, network.get_inputs()[0].shape[-1]))
     feed = {"observation": observed.astype(np.float32)}
     np.testing.assert_array_equal(restamped.run(None, feed)[0], network.run(None, feed)[0])
-    assert (aged / "run.yaml").read_text() == f"robot: go1\nrobot_digest: {go1.digest}\n"
+    assert (outdated / "run.yaml").read_text() == f"robot: go1\nrobot_digest: {go1.digest}\n"
 
 
-def test_a_policy_with_other_differences_is_refused_and_left_unchanged(aged: Path) -> None:
-    write(aged, kp=(1.0,) * 12)
-    content = (aged / "policy.onnx").read_bytes()
+def test_a_policy_with_other_differences_is_refused_and_left_unchanged(outdated: Path) -> None:
+    change_contract(outdated, kp=(1.0,) * 12)
+    content = (outdated / "policy.onnx").read_bytes()
     with pytest.raises(UserError, match="kp: "):
-        restamp(aged)
-    assert (aged / "policy.onnx").read_bytes() == content
+        restamp(outdated)
+    assert (outdated / "policy.onnx").read_bytes() == content

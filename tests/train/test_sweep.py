@@ -228,6 +228,9 @@ def test_a_runs_result_is_the_mean_of_its_last_iterations_with_a_value(tmp_path:
     assert math.isnan(last_value(metrics, "a"))
     metrics.write_text('{"a": 9.0}\n{"a": 1.0}\n{"b": 5.0}\n{"a": 2.0}\n')
     assert last_value(metrics, "a", iterations=2) == 1.5
+    with metrics.open("a") as file:
+        file.write('{"step": 4, "a": 7')  # its process was killed
+    assert last_value(metrics, "a", iterations=2) == 1.5
     assert math.isnan(last_value(metrics, "c"))
 
 

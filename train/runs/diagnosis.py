@@ -21,7 +21,7 @@ class Diagnosis:
 
 
 def differences(failure: Failure, device: str, devices: int) -> list[str]:
-    """Differences between a failed training and its replay: 'NAME then, now' of devices and packages."""
+    """Changes of devices and packages since a failed training, each as 'NAME OLD, now NEW'."""
     then = {"device": failure.device, "device count": str(failure.devices or devices)} | failure.versions
     now = {"device": device, "device count": str(devices), SOURCE: source_revision()} | versions(PACKAGES)
     return [f"{name} {old}, now {now[name]}" for name, old in then.items() if now.get(name, old) != old]

@@ -9,6 +9,7 @@ import io
 import json
 import math
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Any, Literal, NamedTuple
@@ -43,12 +44,16 @@ def last_value(metrics: Path, name: str, iterations: int = LAST_ITERATIONS) -> f
     """Mean of a metric over the last iterations that report it; NaN if none does.
 
     Args:
-        metrics: a run's metrics.jsonl.
+        metrics: a run's metrics.jsonl. A line that a killed training did not finish is skipped.
     """
     if not metrics.is_file():
         return math.nan
-    lines = (json.loads(line) for line in metrics.read_text(encoding="utf-8").splitlines())
-    values = [line[name] for line in lines if name in line]
+    values = []
+    for line in metrics.read_text(encoding="utf-8").splitlines():
+        with suppress(json.JSONDecodeError):
+            row = json.loads(line)
+            if name in row:
+                values.append(row[name])
     return fmean(values[-iterations:]) if values else math.nan
 
 

@@ -47,9 +47,9 @@ class Geometry:
         """All results are in the base's frame.
 
         Args:
-            model: nominal.
-            tree: its tree.
-            poses: by link; the base's is the identity.
+            model: the nominal model.
+            tree: the model's tree of links.
+            poses: pose of each link; that of the base is the identity.
             base_turn: (3, 3) from the base's frame to the world's.
             base_position: (3,) m, of the base in the world.
         """
@@ -70,7 +70,7 @@ class Geometry:
 
         Args:
             geom_pair: the two geoms.
-            ground: (4,) or (8,) numbers as of `interface.GROUND`; None: of the first geom, a plane.
+            ground: a row of `interface.GROUND`, (4,) or (8,); None: the plane of the first geom.
         """
         one, two = geom_pair.geoms
         if self._model.geom_type[one] != PLANE:
@@ -101,12 +101,12 @@ class Geometry:
                 normal = self._base_turn.T @ ground[:3]
                 return [
                     contact._replace(excess=maximum(contact.excess, normal @ corner))
-                    for corner in corners  # those above the centre never touch
+                    for corner in corners  # a corner above the box's centre never touches
                     for contact in self._on_ground(geom_pair, ground, two, corner)
                 ]
 
     def between_limbs(self, pair: Pair, part: Part) -> Contact:
-        """The contact of a limb with another one. Both compute it from the same numbers."""
+        """The contact of a limb with another one. Both limbs compute it, from the same poses."""
 
         def evaluate(function: Callable[[int], Vector], k: int) -> Vector:
             own_value, is_own = function(pair.own_geoms[k]), less(0.5, part.number(float(k == pair.side)))
@@ -183,8 +183,8 @@ class Geometry:
         """
         if geom_pair.dimensions == SMOOTH:
             return ()
-        across = less(absolute(normal[1]), 0.5)
-        first = vector(0.0, where(across, 1.0, 0.0), where(across, 0.0, 1.0)) if along is None else along
+        use_y = less(absolute(normal[1]), 0.5)  # the normal is far from the world's y axis
+        first = vector(0.0, where(use_y, 1.0, 0.0), where(use_y, 0.0, 1.0)) if along is None else along
         first = first - normal * (normal @ first)
         first = first / sqrt(maximum(first @ first, TINY))
         return self._base_turn.T @ first, self._base_turn.T @ cross(normal, first)
@@ -196,7 +196,7 @@ class Geometry:
 
         Args:
             geoms: the two geoms.
-            evaluate: value of a function of a geom, for the first (0) or the second one (1).
+            evaluate: calls a function with the first (0) or the second geom (1).
         """
         one, two = geoms
         first, second = evaluate(self.centre, 0), evaluate(self.centre, 1)
@@ -207,10 +207,10 @@ class Geometry:
             evaluate(self._axis, k) * float(self._model.geom_size[geom][1]) for k, geom in enumerate(geoms)
         )
         aa, bb = (float(self._model.geom_size[geom][1]) ** 2 for geom in (one, two))
-        between = first - second
+        offset = first - second
         if types[one] == SPHERE:
-            return first, second + b * ((b @ between) / bb).clip(-1.0, 1.0)
-        ab, u, v = -(a @ b), -(a @ between), b @ between
+            return first, second + b * ((b @ offset) / bb).clip(-1.0, 1.0)
+        ab, u, v = -(a @ b), -(a @ offset), b @ offset
         determinant = maximum(aa * bb - ab * ab, TINY)
         x, y = (bb * u - ab * v) / determinant, (aa * v - ab * u) / determinant
         # Clamp to an end of the first axis, then find the nearest point on the second.

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 from footfall.operate.ros2.cyclone_bridge.decode import decode
 from footfall.operate.ros2.cyclone_bridge.domain import configure
-from footfall.operate.ros2.reading import ready
+from footfall.operate.ros2.reading import report_ready
 from footfall.operate.ros2.scan_sender import scan_sender
 from footfall.operate.ros2.table import HEIGHT_SCAN, absolute
 
@@ -26,7 +26,7 @@ def main(arguments: Sequence[str]) -> None:
     reader = RawReader(participant, name, kind, quality_of_service(HEIGHT_SCAN.reliable, False, 1))
     ended = threading.Event()
     with scan_sender(int(arguments[0])) as send:
-        ready(ended.set)
+        report_ready(ended.set)
         while not ended.wait(POLL_S):
             for message in reader.take():
                 with suppress(ValueError):

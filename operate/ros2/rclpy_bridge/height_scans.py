@@ -10,7 +10,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from footfall.operate.ros2.rclpy_bridge.publishing import message_type
 from footfall.operate.ros2.rclpy_bridge.spinning import spin_node
-from footfall.operate.ros2.reading import ready
+from footfall.operate.ros2.reading import report_ready
 from footfall.operate.ros2.scan_sender import scan_sender
 from footfall.operate.ros2.table import HEIGHT_SCAN, SCAN_NODE
 
@@ -26,7 +26,7 @@ def main(arguments: Sequence[str]) -> None:
         def begin(node: Node) -> None:
             qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
             node.create_subscription(message_type(HEIGHT_SCAN.kind), HEIGHT_SCAN.name, take, qos)
-            ready(rclpy.try_shutdown)
+            report_ready(rclpy.try_shutdown)
 
         spin_node(SCAN_NODE, ros_arguments, begin)
 

@@ -22,7 +22,8 @@ def swing_motion(
     x, y, z = landing[0] - x0, landing[1] - y0, landing[2] - z0
     share, rise = along.value, height_m * height.value
     position = [x0 + share * x, y0 + share * y, z0 + share * z + rise]
-    share, rise = along.slope / swing_s, height_m * height.slope / swing_s
-    velocity = [share * x, share * y, share * z + rise]
-    share, rise = along.bend / swing_s**2, height_m * height.bend / swing_s**2
-    return [position, velocity, [share * x, share * y, share * z + rise]]
+    share_1, rise_1 = along.slope / swing_s, height_m * height.slope / swing_s  # first derivatives
+    velocity = [share_1 * x, share_1 * y, share_1 * z + rise_1]
+    share_2, rise_2 = along.bend / swing_s**2, height_m * height.bend / swing_s**2  # second derivatives
+    acceleration = [share_2 * x, share_2 * y, share_2 * z + rise_2]
+    return [position, velocity, acceleration]
