@@ -38,11 +38,12 @@ def is_tried(subject: Subject, kind: FaultKind) -> bool:
 
     Wiring, getting up and batteries do not depend on the walking policy.
     """
-    if not (SUBJECTS[subject] or kind.main):
+    has_all_rows = SUBJECTS[subject]
+    if not (has_all_rows or kind.main):
         return False
     if kind.wiring:
-        lies = not kind.lying or robot_of(subject.robot).lying_pose is not None
-        return is_first(subject) and lies
+        possible = not kind.lying or robot_of(subject.robot).lying_pose is not None
+        return is_first(subject) and possible
     if kind.getting_up:
         return is_first(subject) and subject.robot in GET_UP
     if kind.powered:
@@ -65,12 +66,12 @@ def measure(options: argparse.Namespace) -> tuple[list[dict[str, Any]], list[dic
         and (not options.group or kind.group in options.group)
         and (kind.main or not options.main)
     ]
-    rows_of = {subject: [kind for kind in kinds if is_tried(subject, kind)] for subject in chosen}
+    kinds_of = {subject: [kind for kind in kinds if is_tried(subject, kind)] for subject in chosen}
     faults = [
         FaultTask(subject.robot, subject.policy, title_of(kind), seed, subject.ground)
         for seed in seeds  # outermost, so that an interrupted run has results of each kind
         for subject in chosen
-        for kind in rows_of[subject]
+        for kind in kinds_of[subject]
     ]
     healthy = [
         HealthyTask(subject.robot, subject.policy, kind, seed, subject.ground)

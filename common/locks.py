@@ -40,7 +40,7 @@ def locked(name: str, what: str) -> Iterator[None]:
             lock.bind(address)
         except OSError:
             raise UserError(f"{what} is in use by {_holder(address)}: end it first") from None
-        lock.listen(8)
+        lock.listen(socket.SOMAXCONN)  # refused processes stay in this queue: none is accepted
         yield
 
 

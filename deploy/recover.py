@@ -13,7 +13,7 @@ CUT = "cut_s"  # metadata: start and end in the original log
 
 
 class LogCopy(NamedTuple):
-    """Content of a recovered copy."""
+    """Content of a copy."""
 
     messages: int
     damaged: int  # number of parts and messages that could not be read and are skipped
@@ -30,7 +30,7 @@ def recover(damaged_log: Path, out: Path) -> LogCopy:
 
 
 def cut(path: Path, out: Path, from_s: float, to_s: float) -> LogCopy:
-    """Copy a time range of a log; the last earlier message of each latched topic moves to its start.
+    """Copy a time range of a log. It begins with the last earlier message of each latched topic.
 
     Args:
         path: log to cut.
@@ -71,7 +71,8 @@ def _within(
     kept: list[Any] = []
     for record in log_records:
         if isinstance(record, Metadata) and record.name == METADATA and ENDED in record.metadata:
-            kept += [record] if includes_end else []
+            if includes_end:
+                kept.append(record)
         elif not isinstance(record, Message) or start_ns <= record.log_time <= end_ns:
             kept.append(record)
         elif record.log_time < start_ns and record.channel_id in latched:

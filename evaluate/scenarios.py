@@ -46,7 +46,7 @@ LEVEL_LIMITS = {
     "push_m_s": (0.0, MAX_COMMAND),
     **{name: (each.lower, each.upper) for name, each in QUANTITIES.items()},
 }
-MAX_EPISODES = 100_000  # of one scenario: would run for weeks
+MAX_EPISODES = 100_000  # of one scenario; more would run for weeks
 MIN_HOLD_S = 0.01  # shorter than the period of any policy
 
 Range = tuple[float, float]
@@ -141,8 +141,8 @@ class Scenario:
         if ground_levels and self.ground is None:
             raise ValueError(f"level {next(iter(ground_levels))} needs a ground")
         if self.ground is not None:
-            lengths = {len(values) for values in ground_levels.values()}
-            for index in range(max(lengths, default=1)):
+            counts = {len(values) for values in ground_levels.values()}
+            for index in range(max(counts, default=1)):
                 level = {name: values[min(index, len(values) - 1)] for name, values in ground_levels.items()}
                 check_ground(at_level(self.ground, level))
 
@@ -166,9 +166,9 @@ def at_level(ground: GroundConfig, levels: Mapping[str, float]) -> GroundConfig:
 class ScenarioFile:
     """The content of `scenarios.yaml`."""
 
-    noise: Noise  # of the readings, in every scenario
+    noise: Noise  # of the readings, for all scenarios
     scenarios: dict[str, Scenario]
-    # In every scenario, as the noise.
+    # Errors of the height scan, for all scenarios.
     height_scan_errors: HeightScanErrors = field(default_factory=HeightScanErrors)
 
     def select(self, names: Sequence[str]) -> dict[str, Scenario]:
@@ -191,16 +191,16 @@ class ScenarioFile:
 
 
 def shipped_scenarios() -> dict[str, Scenario]:
-    """The shipped scenarios by name; commands and loads are shares of a robot's ranges."""
+    """The shipped scenarios by name; commands, loads and lengths of the ground are shares."""
     shares = dict.fromkeys(SHARES.values(), (-1.0, 1.0))
     return structure(_in_units(read_yaml(DEFAULT), shares), ScenarioFile, str(DEFAULT)).scenarios
 
 
 def load_scenarios(robot: Robot, user_file: Path | None = None) -> ScenarioFile:
-    """The scenarios for a robot: its commands in m/s and rad/s, its loads in kg.
+    """The scenarios for a robot: commands in m/s and rad/s, loads in kg, lengths of the ground in m.
 
     Args:
-        robot: the file's commands and loads are shares of its ranges.
+        robot: the file's commands and loads are shares of its ranges, lengths of its standing height.
         user_file: its scenarios come after those of footfall, or replace those of the same name.
 
     Raises:

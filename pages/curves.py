@@ -12,13 +12,7 @@ if TYPE_CHECKING:
 
 MAX_POINTS = 400  # of a curve, at most
 HEIGHT_PX = 100
-# Top, right, bottom, left of a chart: room for the highest tick label.
-PADDING_PX = (
-    9,
-    18,
-    0,
-    0,
-)
+PADDING_PX = (9, 18, 0, 0)  # top, right, bottom, left of a chart; room for the highest tick label
 COLOUR = "#{:02x}{:02x}{:02x}".format(*BRAND)
 WAITING = "No curves yet: they begin with the second iteration."
 NO_METRICS = "No curves: the folder holds the policy without the metrics of its training."

@@ -35,7 +35,7 @@ class Marks:
     def __init__(self, server: "ViserServer", robot: Robot, world: str) -> None:
         """`world` is the path of the scene's frame in which moments are given."""
         self._scene, self._model = server.scene, BalanceModel(robot)
-        self._height, self._feet = robot.description.standing_height_m, len(robot.description.feet)
+        self._height = robot.description.standing_height_m
         self._m_per_n = FORCE_LENGTH * self._height / (GRAVITY_M_S2 * robot.legs.mass)
         self._trail: deque[np.ndarray] = deque(maxlen=TRAIL_POINTS)
         self._rebuilt_s = -np.inf
@@ -44,13 +44,15 @@ class Marks:
         }
         feet, forces, balance = (f"{world}/{name}" for name in LAYERS.values())
         small = 0.06 * self._height
-        each = range(self._feet)
-        self._goals = [self._disc(f"{feet}/goal_{k}", 1.3 * small, colours.PLAN) for k in each]
-        self._contacts = [self._disc(f"{forces}/contact_{k}", 1.6 * small, colours.FORCE) for k in each]
-        self._foothold_paths = self._lines(f"{feet}/ways", colours.PLAN, self._feet * (PATH_POINTS - 1))
-        self._trails = self._lines(f"{feet}/trails", colours.VELOCITY, self._feet * (TRAIL_POINTS - 1))
+        foot_count = len(robot.description.feet)
+        self._goals = [self._disc(f"{feet}/goal_{k}", 1.3 * small, colours.PLAN) for k in range(foot_count)]
+        self._contacts = [
+            self._disc(f"{forces}/contact_{k}", 1.6 * small, colours.FORCE) for k in range(foot_count)
+        ]
+        self._foothold_paths = self._lines(f"{feet}/paths", colours.PLAN, foot_count * (PATH_POINTS - 1))
+        self._trails = self._lines(f"{feet}/trails", colours.VELOCITY, foot_count * (TRAIL_POINTS - 1))
         self._forces = self._scene.add_arrows(
-            f"{forces}/arrows", np.zeros((self._feet, 2, 3)), _bytes(colours.FORCE),
+            f"{forces}/arrows", np.zeros((foot_count, 2, 3)), _bytes(colours.FORCE),
             shaft_radius=0.25 * small, head_radius=0.6 * small, head_length=1.2 * small,
         )  # fmt: skip
         self._centre = self._scene.add_icosphere(

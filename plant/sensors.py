@@ -18,7 +18,7 @@ from footfall.robots.readings import READINGS
 
 MOTORS = ("joint_position", "joint_velocity", "joint_torque")  # fields of `Sensed` that motors report
 IMU = imu.Inertial._fields  # fields of `Sensed` that the IMU reports
-ADDED_BY_MOTOR = "joint_position"  # the motor adds this bias itself, since it controls its encoder's position
+BIASED_BY_MOTOR = "joint_position"  # the motor adds its bias, since it controls the biased position
 ACCELEROMETER = 1  # combined with the seed, so that its noise does not change that of other readings
 _NOISE_BLOCK = 256  # readings whose noise is drawn at once
 
@@ -81,9 +81,9 @@ class SimulatedSensors:
             step_s: physics step.
             joints: number of joints.
             seed: seed of the noise and of swinging delays.
-            mean_velocity: whether motors report a joint's mean velocity over two steps, as drives do that
-                take it from an encoder. An engine's velocities may alternate from step to step: the integral
-                of every second one would drift away from the positions.
+            mean_velocity: whether motors report a joint's mean velocity over two steps, like drives that
+                measure it with an encoder. An engine's velocities may alternate from step to step: the
+                integral of every second one would drift away from the positions.
 
         Raises:
             UserError: a reading with bias or noise has no `shift`.
@@ -97,8 +97,8 @@ class SimulatedSensors:
         self._mean_velocity, self._velocity_before = mean_velocity, self._qvel[layout.qvel].copy()
         self._delay_line: DelayLine[_Moment] = DelayLine(sample, step_s, seed)
         self._noise = None if noise is None else _Noise(noise, joints, seed)
-        self._of_motors = list(_errors(MOTORS, sample, noise, joints, operator.add))
-        self._of_imu = [each.on_lists() for each in _errors(IMU, sample, noise, joints, _add_lists)]
+        self._motor_errors = list(_errors(MOTORS, sample, noise, joints, operator.add))
+        self._imu_errors = [each.on_lists() for each in _errors(IMU, sample, noise, joints, _add_lists)]
         accelerometer = randomised_accelerometer(sample)
         self._acceleration_bias = np.broadcast_to(accelerometer.bias, 3).tolist()
         self._acceleration_noise = float(accelerometer.noise)
@@ -118,7 +118,7 @@ class SimulatedSensors:
         return joints
 
     def _as_reported(self, joints: np.ndarray) -> np.ndarray:
-        """A step's true values with the mean velocity over it and the step before."""
+        """The true values of this step, with the mean of its velocity and that of the step before."""
         reported = joints.copy()
         reported[1] = 0.5 * (self._velocity_before + joints[1])
         self._velocity_before = joints[1].copy()
@@ -131,13 +131,13 @@ class SimulatedSensors:
         """
         readings = self._delay_line.delayed().joints.copy()
         readings[0] += encoder_bias
-        self._add_errors(readings, self._of_motors)
+        self._add_errors(readings, self._motor_errors)
         return readings
 
     def inertial(self) -> imu.Inertial:
         """The IMU's reading."""
         readings = list(self._delay_line.delayed().inertial)
-        self._add_errors(readings, self._of_imu)
+        self._add_errors(readings, self._imu_errors)
         half_width, bias = self._acceleration_noise, self._acceleration_bias
         if half_width or any(bias):
             drawn = self._acceleration_random.uniform(-half_width, half_width, 3).tolist()
@@ -196,7 +196,7 @@ def _errors(
         declared = READINGS[name]
         if declared.sensed not in fields:
             continue
-        drawn = None if name == ADDED_BY_MOTOR else sensor_bias(sample, name)
+        drawn = None if name == BIASED_BY_MOTOR else sensor_bias(sample, name)
         bias = None if drawn is None else np.asarray(drawn, dtype=float)
         half_width = 0.0 if noise is None else getattr(noise, name)
         if bias is None and not half_width:

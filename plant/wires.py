@@ -14,7 +14,7 @@ from footfall.plant.wire_faults import ERROR_BITS, FaultyWires, WireFaults
 from footfall.plant.wire_plan import Plan, planned, precedence
 
 NODE_BACKLOG_US = 20_000.0  # a motor or an IMU drops a frame that would wait longer
-MAX_PLANS = 64  # limited: with values in identifiers, layouts never repeat
+MAX_PLANS = 64  # maximum number kept: layouts never repeat if identifiers contain values
 
 _NOT_KNOWN = np.zeros(0)
 
@@ -33,9 +33,9 @@ class _Batch:
 
     def __init__(self, frames: Frames, start: float | list[float], offset: np.ndarray, last: float) -> None:
         self.frames = frames
-        self.last = last  # arrival of the last frame
-        # Start of all wires, or of each; offset of each frame, (k,).
-        self._start, self._offset = start, offset
+        self.last = last  # when all frames have arrived, or later if another wire is busy for longer
+        self._start = start  # of the batch, on all wires or on each
+        self._offset = offset  # (k,) from the start on its wire to each frame's arrival
         self._arrival: np.ndarray | None = None  # computed on demand
         self.bits: np.ndarray = _NOT_KNOWN  # (k,) of each frame on its wire, repetitions included
 
@@ -80,7 +80,7 @@ class SimulatedWires:
         self._free_at = [0.0] * len(names)  # times at which wires become idle
         self._all_free_at = 0.0
         self._repeated_us = np.zeros(len(names))  # time of errors and of repeated frames
-        self._last_waiting = [0.0] * len(names)  # greatest precedence since a wire was idle
+        self._last_waiting = [0.0] * len(names)  # highest precedence number since each wire was idle
         self._in_transit: tuple[deque[_Batch], ...] = (deque(), deque())
         self._plans: dict[Layout, Plan] = {}  # computing a plan takes 100 us
         self._sent = np.zeros((2, len(names)), dtype=np.int64)  # frames of deleted plans, for each side
@@ -144,15 +144,16 @@ class SimulatedWires:
         if self._all_free_at <= now_us:
             self._last_waiting = plan.last
         else:
-            waiting = self._last_waiting
+            last_before = self._last_waiting
             self._last_waiting = plan.last.copy()
             for wire, free_at in enumerate(self._free_at):
                 if free_at > now_us:
-                    last = waiting[wire]
+                    last = last_before[wire]
                     if plan.first[wire] < last:
                         overtaken.append(wire)
                     if last > plan.last[wire]:
                         self._last_waiting[wire] = last
+        # Nodes of the robot send in parallel, so their frames need arbitration among themselves.
         return overtaken if plan.orderly or side is Side.HOST else plan.wires
 
     def _repeat(self, side: Side, batch: _Batch) -> None:
@@ -163,7 +164,7 @@ class SimulatedWires:
         if not repetitions.any():
             return
         batch.bits, arrival = bits_of(frames), batch.arrival.copy()
-        extra_us = repetitions * (batch.bits + ERROR_BITS)
+        extra_us = repetitions * (batch.bits + ERROR_BITS)  # a bit takes 1 us
         batch.bits = batch.bits + extra_us
         for wire in range(len(self.names)):
             on_wire = frames.channel == wire
@@ -260,15 +261,15 @@ class SimulatedWires:
         """Mask of the frames that fit into a queue, (k,)."""
         if side is Side.ROBOT:
             return np.array(self._free_at)[frames.channel] <= now_us + NODE_BACKLOG_US
-        waiting = np.zeros(len(self.names), dtype=np.int64)
+        queued = np.zeros(len(self.names), dtype=np.int64)  # frames on each wire
         for batch in self._in_transit[side]:
-            np.add.at(waiting, batch.frames.channel[batch.arrival > now_us], 1)
-        return waiting[frames.channel] + plan.position <= self._host_queue
+            np.add.at(queued, batch.frames.channel[batch.arrival > now_us], 1)
+        return queued[frames.channel] + plan.position <= self._host_queue
 
 
 class _Waiting(NamedTuple):
     """A frame whose transmission has not begun."""
 
-    order: float  # of precedence
+    order: float  # precedence number
     batch: _Batch
     row: int

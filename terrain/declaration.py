@@ -69,7 +69,7 @@ def make_ground(config: GroundConfig, seed: int, where: str = "ground") -> Groun
 
 
 def at_difficulty(config: GroundConfig, difficulty: float) -> GroundConfig:
-    """A ground with each parameter [easiest, hardest] interpolated: `share` 0 is easiest, 1 hardest."""
+    """A ground with each parameter [easiest, hardest] interpolated: 0 is easiest, 1 hardest."""
 
     def interpolated(value: Any) -> Any:
         is_range = isinstance(value, list) and len(value) == 2

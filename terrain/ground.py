@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 MAX_CELLS = 2048  # along a side
 SAME_M = 1e-3  # cells whose heights differ by less belong to one level
 UNREACHABLE_M = -1e3  # height of a level that nothing can touch
+FAR_M = 1e3  # distance of an edge that was not found
 
 Array = Any  # a NumPy or a JAX array
 
@@ -73,14 +74,14 @@ def edge_at(ground: Ground, position: Array, piece: Array | int = 0, reach: int 
     """
     xp = position.__array_namespace__()
     row, column, fraction, _ = _cell(ground, position)
-    last = ground.heights.shape[-1] - 2
+    last_cell = ground.heights.shape[-1] - 2
     here = ground.heights[piece, row, column]
-    nearest = xp.full_like(here, 1e3)  # m
+    nearest = xp.full_like(here, FAR_M)
     normal, other_height = xp.zeros_like(position[..., :2]), xp.full_like(here, UNREACHABLE_M)
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
         for cells in range(1, reach + 1):
             cell = [row, column]
-            cell[axis] = xp.clip(cell[axis] + sign * cells, 0, last)
+            cell[axis] = xp.clip(cell[axis] + sign * cells, 0, last_cell)
             there = ground.heights[piece, cell[0], cell[1]]
             to_border = fraction[..., axis] if sign < 0 else 1.0 - fraction[..., axis]
             distance = (to_border + (cells - 1)) * ground.cell_m
@@ -90,7 +91,7 @@ def edge_at(ground: Ground, position: Array, piece: Array | int = 0, reach: int 
             nearest = xp.where(nearer, distance, nearest)
             normal = xp.where(nearer[..., None], direction, normal)
             other_height = xp.where(nearer, there, other_height)
-    has_edge = (nearest < 1e3) & ground.stepped[piece]
+    has_edge = (nearest < FAR_M) & ground.stepped[piece]
     along_normal = xp.where(other_height > here, -nearest, nearest)  # from the position to the edge
     offset = (normal * position[..., :2]).sum(axis=-1) + along_normal
     return Edge(
@@ -110,7 +111,7 @@ def _cell(ground: Ground, position: Array) -> tuple[Array, Array, Array, Array]:
     xp = position.__array_namespace__()
     along = (position[..., :2] + ground.half_m) / ground.cell_m
     last = ground.heights.shape[-1] - 1
-    inside = xp.clip(along, 0.0, last)
-    first = xp.clip(xp.floor(inside), 0, last - 1)
+    clipped = xp.clip(along, 0.0, last)
+    first = xp.clip(xp.floor(clipped), 0, last - 1)
     cell = first.astype(int)
-    return cell[..., 0], cell[..., 1], inside - first, (along >= 0.0) & (along <= last)
+    return cell[..., 0], cell[..., 1], clipped - first, (along >= 0.0) & (along <= last)

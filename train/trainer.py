@@ -14,12 +14,13 @@ Metrics = Mapping[str, Any]  # scalars by name; where they are JAX arrays, a dev
 
 
 class Trainer(Protocol):
-    """One training, which advances by whole iterations; its checkpoint holds everything the rest depends on.
+    """One training, which advances by whole iterations; a checkpoint holds everything that later iterations
+    depend on.
 
     A class of your own (`--trainer MODULE:NAME`) derives from this one, which gives it the defaults below. It
     implements `__init__`, `restore`, `prepare`, `iterate`, `save` and `export`.
 
-    Of several processes that train together, each one calls the same methods in the same order.
+    If several processes train together, all of them call the same methods in the same order.
     """
 
     # Exceptions that a lost or exhausted device raises.
@@ -47,7 +48,7 @@ class Trainer(Protocol):
         """
 
     def start_from(self, path: Path) -> list[str]:
-        """Begin from the networks of another training, once prepared (`train/origin.py`).
+        """Take over the networks of another training; called after `prepare` (`train/origin.py`).
 
         Args:
             path: a checkpoint of this trainer, or an exported policy.

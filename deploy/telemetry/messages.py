@@ -45,22 +45,24 @@ class Template:
         return self.text(frame)
 
     def text(self, value: str) -> "Template":
+        """Append a string with its length."""
         content = value.encode() + b"\x00"
         self.count(len(content))
         self._bytes += content
         return self
 
     def count(self, value: int) -> "Template":
+        """Append a uint32, such as the length of the following sequence."""
         self._align(4)
         self._bytes += struct.pack("<I", value)
         return self
 
-    def gap(self, numbers: int, size: int = _DOUBLE) -> "Template":
-        """Append a gap for some numbers of `size` bytes."""
-        if numbers:
+    def gap(self, count: int, size: int = _DOUBLE) -> "Template":
+        """Append a gap for `count` numbers of `size` bytes."""
+        if count:
             self._align(size)
             start = len(self._bytes)
-            self._bytes += bytes(numbers * size)
+            self._bytes += bytes(count * size)
             self._gaps.append(slice(start, len(self._bytes)))
         return self
 
@@ -70,9 +72,9 @@ class Template:
         self._bytes += struct.pack(f"<{len(values)}{layout}", *values)
         return self
 
-    def zeros(self, numbers: int) -> "Template":
-        """Append that many constant float64 zeros."""
-        self.gap(numbers)
+    def zeros(self, count: int) -> "Template":
+        """Append `count` constant float64 zeros."""
+        self.gap(count)
         self._gaps.pop()
         return self
 
@@ -136,10 +138,10 @@ def transforms(frames: tuple[tuple[str, str], ...]) -> Template:
 
 
 @lru_cache(None)
-def multi_array(label: str, numbers: int, size: int = _DOUBLE) -> Template:
+def multi_array(label: str, count: int, size: int = _DOUBLE) -> Template:
     """A one-dimensional std_msgs/Float64MultiArray, or with `size` 4 a Float32MultiArray; one gap."""
-    template = Template().count(1).text(label).count(numbers).count(numbers).count(0)
-    return template.count(numbers).gap(numbers, size)
+    template = Template().count(1).text(label).count(count).count(count).count(0)
+    return template.count(count).gap(count, size)
 
 
 def text(value: str) -> bytes:
@@ -168,16 +170,17 @@ def can_frame(bus: str, extended: bool, length: int) -> Template:
     return Template().stamp(bus).gap(1, 4).put("B", 0, extended, 0, length).gap(8, 1)
 
 
+@lru_cache(None)
 def can_fd_frame(bus: str, extended: bool, length: int) -> Template:
     """A ros2_socketcan_msgs/FdFrame; gaps: identifier (4 bytes), data (64 bytes, zeros after the length)."""
     return Template().stamp(bus).gap(1, 4).put("B", extended, 0, length).count(64).gap(64, 1)
 
 
-def diagnostics(time_ns: int, hardware: str, parts: Iterable[Diagnosis]) -> bytes:
+def diagnostics(time_ns: int, hardware: str, diagnoses: Iterable[Diagnosis]) -> bytes:
     """A diagnostic_msgs/DiagnosticArray."""
-    found = list(parts)
-    template = Template().stamp().count(len(found))
-    for level, name, summary, values in found:
+    statuses = list(diagnoses)
+    template = Template().stamp().count(len(statuses))
+    for level, name, summary, values in statuses:
         template.put("B", level).text(name).text(summary).text(hardware).count(len(values))
         for key, value in values.items():
             template.text(key).text(value)

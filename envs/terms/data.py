@@ -27,15 +27,15 @@ class Scene:
         self.standing_height = robot.description.standing_height_m
         positions, dofs = joint_addresses(model, robot)
         self.positions, self.dofs = positions, dofs  # of joints in qpos, qvel
-        self.bodies, self.nv = model.nbody - 1, model.nv  # bodies: without the world
+        self.bodies, self.nv = model.nbody - 1, model.nv  # number of bodies without the world
         self.default_pose = single(robot.default_pose)
         self.soft_lower, self.soft_upper = map(single, robot.soft_limits)
         self.peak_torque = single(robot.motor.peak_torque)
         qpos = np.array(model.qpos0, dtype=np.float32)
         qpos[positions] = robot.default_pose
-        base_position = self.base.position(qpos)
+        base_position = self.base.position(qpos)  # a view
         base_position[2] = ground_height(base_position) + self.standing_height
-        self.standing = qpos  # (nq,) in the default pose, feet on the ground
+        self.standing = qpos  # (nq,) qpos in the default pose, feet on the ground
 
     @cached_property
     def body(self) -> BodyPoints:
@@ -62,7 +62,7 @@ class StepData(NamedTuple):
     contact: jax.Array  # (feet,) 1.0 in contact
     clearance: jax.Array  # (feet,) m above ground
     foot_speed: jax.Array  # (feet,) m/s, horizontal
-    foot_tilt: jax.Array  # (feet,) m, from a sole's lowest point up to its highest; 0 of a sphere
+    foot_tilt: jax.Array  # (feet,) m, height of a sole's highest point above its lowest; 0 for a sphere
     swing: jax.Array  # (feet,) planned swing, 0 in stance, rising to 1 at mid-swing
     fell: jax.Array  # () 1.0 if a termination term ended the episode
     base_position: jax.Array  # (3,) m, of the base, world frame
@@ -87,7 +87,7 @@ def level_ground(position: jax.Array) -> jax.Array:
 
 
 def example_data(scene: Scene) -> StepData:
-    """Data of a robot that stands still, to check terms with."""
+    """Data of a robot that stands still, on which terms are checked."""
     n, feet = len(scene.robot.joint_names), scene.feet.count
     zeros: dict[str, Any] = {name: jnp.zeros(feet) for name in ("contact", "clearance", "foot_speed")}
     return StepData(

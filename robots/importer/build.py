@@ -11,7 +11,7 @@ from footfall.robots.importer.feet import leg_names, stand_on
 from footfall.robots.importer.limbs import Limbs, base_of, find_limbs
 from footfall.robots.importer.machine import Geom, Link, Machine, build_links, frozen_pose, pose_of
 from footfall.robots.importer.model_xml import FOOT_FRICTION
-from footfall.robots.importer.orientation import guessed_forward, with_base_axes
+from footfall.robots.importer.orientation import guessed_forward, original_axis, with_base_axes
 from footfall.robots.importer.source import Source
 
 MAX_NAMES = 4  # names listed in a message; further ones are counted
@@ -32,13 +32,13 @@ def build_machine(
     Raises:
         UserError: the source is not a legged machine that footfall supports; the message has the reason.
     """
+    x_axis = forward or ("y" if up.endswith("x") else "x")
     if forward or up != "z":
-        x_axis = forward or ("y" if up.endswith("x") else "x")
         source = with_base_axes(source, base_of(source.model), x_axis, up)
     limbs = find_limbs(source, feet)
-    guessed = "x" if forward else guessed_forward(source, limbs)
-    if guessed != "x":
-        source = with_base_axes(source, limbs.base, guessed)
+    forward_axis = "x" if forward else guessed_forward(source, limbs)  # after the rotation above
+    if forward_axis != "x":
+        source = with_base_axes(source, limbs.base, forward_axis)
     model = source.model
     uses = Counter(joint for limb in limbs.legs for joint in limb.joints)
     links = list(build_links(source, limbs.base, set(uses)))
@@ -59,11 +59,11 @@ def build_machine(
             raise UserError(f"{source.path}: {error}") from None
         legs.append(leg)
     imu, imu_guess = _imu(model, limbs.base)
-    forward_axis = forward or guessed
-    base = f"base: '{model.body(limbs.base).name}', its {forward_axis} axis pointing forward, {up} up"
-    if guessed != "x":
-        base += ", by the legs called left and right (--forward x keeps the file's axes)"
-    guesses = [base, *source.guesses, *limbs.guesses, *_frozen(source, limbs, set(uses)), imu_guess]
+    file_axis = original_axis(forward_axis, x_axis, up)
+    base = f"base: '{model.body(limbs.base).name}', its {file_axis} axis pointing forward, {up} up"
+    if forward_axis != "x":
+        base += f", by the legs called left and right (--forward {x_axis} ignores their names)"
+    guesses = [base, *source.guesses, *limbs.guesses, *_frozen_joints(source, limbs, set(uses)), imu_guess]
     if source.meshes:
         guesses.append(f"{len(source.meshes)} meshes were replaced by primitives")
     if not source.self_collisions:
@@ -84,7 +84,8 @@ def _with_friction(link: Link, friction: float) -> Link:
     return replace(link, geoms=tuple(map(with_friction, link.geoms)))
 
 
-def _frozen(source: Source, limbs: Limbs, driven: set[str]) -> list[str]:
+def _frozen_joints(source: Source, limbs: Limbs, driven: set[str]) -> list[str]:
+    """A line about the joints that become rigid, if any."""
     model = source.model
     names = [
         model.joint(j).name

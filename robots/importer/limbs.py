@@ -44,7 +44,8 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
             taken, or else those that reach lowest.
 
     Raises:
-        UserError: there are no feet, or a joint of a leg is not an independent hinge.
+        UserError: there are fewer than two feet, a foot is named twice, or a joint of a leg is not an
+            independent hinge.
     """
     model = source.model
     base = base_of(model)
@@ -54,7 +55,7 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
     depth = _depths(source, base, ends)
     named_as_feet = {end: _named_as_feet(model, _welded(model, end)) for end in ends}
     if named:
-        feet, reason = _by_name(source, ends, named), "as requested"
+        feet, reason = _by_name(source, ends, named), ""  # no guess
     elif sum(bool(named_as_feet[end]) and depth[end] > 0 for end in ends) >= MIN_FEET:
         feet, reason = [end for end in ends if named_as_feet[end] and depth[end] > 0], "by their names"
     else:
@@ -66,8 +67,8 @@ def find_limbs(source: Source, named: tuple[str, ...] = ()) -> Limbs:
     legs = tuple(_limb(model, base, end, named_as_feet[end]) for end in feet)
     for leg in legs:
         _check(leg, source)
-    guesses = [f"feet: {_listed(model, feet)}, taken {reason}{_as_low(model, feet, depth)}"]
-    return Limbs(base, legs, () if named else tuple(guesses))
+    guess = f"feet: {_listed(model, feet)}, taken {reason}{_as_low(model, feet, depth)}"
+    return Limbs(base, legs, () if named else (guess,))
 
 
 def base_of(model: mujoco.MjModel) -> int:
@@ -80,8 +81,8 @@ def base_of(model: mujoco.MjModel) -> int:
 def _ends(model: mujoco.MjModel, base: int) -> list[int]:
     """Bodies with a joint and without moving children."""
     tops = [b for b in range(base + 1, model.nbody) if model.body_jntnum[b] and model.body_rootid[b] == base]
-    moving = {int(model.body_weldid[model.body_parentid[top]]) for top in tops}
-    return [top for top in tops if top not in moving]
+    parents = {int(model.body_weldid[model.body_parentid[top]]) for top in tops}
+    return [top for top in tops if top not in parents]
 
 
 def _welded(model: mujoco.MjModel, top: int) -> list[int]:
@@ -125,9 +126,13 @@ def _by_name(source: Source, ends: list[int], named: tuple[str, ...]) -> list[in
         top = int(model.body_weldid[body]) if body >= 0 else -1
         if top not in ends:
             known = _listed(model, ends)
-            what = "there is no link" if body < 0 else "a limb does not end in"
+            what = "there is no link" if body < 0 else "no limb ends in"
             raise UserError(f"{source.path}: {what} '{name}': limbs end in {known}")
+        if top in found:
+            raise UserError(f"{source.path}: the limb of '{name}' is named twice: name each foot once")
         found.append(top)
+    if len(found) < MIN_FEET:
+        raise UserError(f"{source.path}: a robot has at least {MIN_FEET} feet: name all of them")
     return found
 
 

@@ -34,10 +34,9 @@ def with_base_axes(source: Source, base: int, forward: str, up: str = "z") -> So
     Raises:
         UserError: both are the same axis.
     """
-    x, z = AXES[forward], AXES[up]
-    if abs(x @ z) > 0.0:
+    if abs(AXES[forward] @ AXES[up]) > 0.0:
         raise UserError(f"--forward {forward} and --up {up} are the same axis: they must be at right angles")
-    axes = np.stack([x, np.cross(z, x), z])  # rows: the new axes in the old frame
+    axes = _new_axes(forward, up)
     model = copy.copy(source.model)
     for fixed, position, quaternion in (
         (np.flatnonzero(model.body_parentid == base), model.body_pos, model.body_quat),
@@ -53,6 +52,18 @@ def with_base_axes(source: Source, base: int, forward: str, up: str = "z") -> So
     of_base = {model.geom(int(geom)).name for geom in np.flatnonzero(model.geom_bodyid == base)}
     meshes = {name: points @ axes.T if name in of_base else points for name, points in source.meshes.items()}
     return replace(source, model=model, meshes=meshes)
+
+
+def original_axis(axis: str, forward: str, up: str) -> str:
+    """The axis that was `axis` before `with_base_axes` made `forward` x and `up` z."""
+    direction = AXES[axis] @ _new_axes(forward, up)
+    return next(name for name, each in AXES.items() if each @ direction > MIN_COSINE)
+
+
+def _new_axes(forward: str, up: str) -> np.ndarray:
+    """Rows: the axes of `with_base_axes` in the old frame."""
+    x, z = AXES[forward], AXES[up]
+    return np.stack([x, np.cross(z, x), z])
 
 
 def guessed_forward(source: Source, limbs: Limbs) -> str:

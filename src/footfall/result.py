@@ -19,8 +19,8 @@ from footfall.output import discard_output
 def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[], None], status: int) -> int:
     """Write a run's figures and show them; each happens even if the other fails.
 
-    If one fails, a line on stderr has the final state and the faults. Figures that can neither be written
-    to their file nor (without a file) be shown are saved in the folder for temporary files.
+    If one fails, a line on stderr has the final state and the faults. Figures that cannot be written to
+    their file, or without a file cannot be shown, are saved in the folder for temporary files.
 
     Args:
         figures: figures of the run, including `final_state` and `faults`.
@@ -29,8 +29,8 @@ def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[]
         status: exit status of the run.
 
     Returns:
-        The exit status of the run; `BAD_INPUT` if the run succeeded and its figures reached neither file nor,
-        without a file, the standard output.
+        The exit status of the run; `BAD_INPUT` if the run succeeded and its figures could not be written to
+        their file, or without a file could not be shown.
 
     Raises:
         BrokenPipeError: the reader of the output has closed it, and nothing else failed.
@@ -39,6 +39,7 @@ def write_and_show(figures: dict[str, Any], path: Path | None, show: Callable[[]
         not_written, not_shown = _write(path, figures), _show_with_timeout(show)
         if not (not_written or not_shown):
             return status
+        # With a closed output, rich raises SystemExit.
         if not (status or not_written) and isinstance(not_shown, BrokenPipeError | SystemExit):
             raise BrokenPipeError
         lost = not_written or (path is None and not_shown)

@@ -37,6 +37,13 @@ def test_another_process_is_named_until_it_ends_or_is_killed(name: str) -> None:
         pass
 
 
+def test_the_holder_is_named_however_often_a_lock_is_refused() -> None:
+    with locked("a", "a"):
+        for _ in range(20):
+            with pytest.raises(UserError, match=str(os.getpid())), locked("a", "a"):
+                pass
+
+
 def test_a_lock_of_this_process_is_named_and_other_resources_are_free() -> None:
     again = pytest.raises(UserError, match=re.escape(f"this process ({os.getpid()})"))
     with locked("a", "a"), locked("b", "b"), again, locked("a", "a"):

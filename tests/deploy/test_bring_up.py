@@ -40,7 +40,7 @@ TWO_MOVE = only(2, 1.5 * TRAVEL) + only(5, 0.5 * TRAVEL)
 
 
 def moved(path: np.ndarray) -> dict[str, np.ndarray]:
-    """Joint 2 should travel, and the joints move along a path (101, 12). Travel counts from the start."""
+    """Joint 2 is commanded along `TRAVEL`; the joints move along `path` (101, 12). The starts differ."""
     return {"target": only(2, TRAVEL) + 0.5, "position": path - 1.5}
 
 
@@ -50,14 +50,14 @@ def temperature_of(peak_c: float) -> dict[str, np.ndarray]:
 
 
 def tilted(x: float, y: float, when: np.ndarray = STEADY) -> dict[str, np.ndarray]:
-    """Parts of the vertical in the base's axes, for some of the samples."""
+    """Samples at `when` with a tilted base: x and y of the vertical in the base's axes."""
     return {"up": np.where(when[:, None], [x, y, np.sqrt(1.0 - x**2 - y**2)], [0.0, 0.0, 1.0])}
 
 
 def check(
     robot: Robot, criterion: Criterion, expected: list[str], axis: str = "", **changes: np.ndarray
 ) -> None:
-    """A robot at rest with these changes has one finding, with all its words, for each expected one."""
+    """A robot at rest with these changes has the expected findings; each contains all words of its text."""
     zeros, up = np.zeros((101, 12)), changes.pop("up", np.tile([0.0, 0.0, 1.0], (101, 1)))
     values = dict.fromkeys(("target", "position", "velocity", "torque"), zeros)
     rows = values | {"temperature_c": zeros + 30.0} | changes
@@ -77,16 +77,16 @@ def test_a_criterion_names_the_joint_and_the_figure(go1: Robot) -> None:
         (criteria.follow, moved(only(2, 1.5 * TRAVEL)), ["joint 2 150% ratio"]),
         (criteria.follow, moved(only(7, TRAVEL)), ["joint 2 joint 7 swapped"]),
         (criteria.follow, moved(TWO_MOVE), ["joint 2 150% ratio", "joint 5 0.07 rad"]),  # not swapped
-        # The root mean square of 20 Hz.
+        # The root mean square of a vibration of 20 Hz.
         (criteria.calm, {"velocity": only(4, np.sin(2 * np.pi * 20 * TIME_S))}, ["joint 4 0.7 rad/s"]),
         (criteria.calm, {"velocity": only(4, np.sin(2 * np.pi * 0.5 * TIME_S))}, []),  # a slow swing
-        # 20 rad/s^2 are within 0.1 rad/s of their mean over 0.1 s, in its middle.
+        # At 20 rad/s^2 a velocity differs by at most 0.1 rad/s from its mean over 0.1 s around it.
         (criteria.calm, {"velocity": only(4, 20.0 * TIME_S)}, []),
         (criteria.modest, {"torque": only(3, 0.7 * 23.7 * STEADY)}, ["joint 3 70%"]),
         (criteria.modest, {"torque": only(3, -0.7 * 23.7 * STEADY)}, ["joint 3 70%"]),
         (criteria.modest, {"torque": only(3, 20.0 * (SAMPLE == 50))}, []),  # one sample of a hundred
         (criteria.modest, {"torque": only(5, 15.0 * STEADY)}, []),  # 42 % of a calf's 35.55 N m
-        # And 63 % of a hip's 23.7 N m.
+        # The same torque is 63 % of a hip's 23.7 N m.
         (criteria.modest, {"torque": only(5, 15.0 * STEADY) + only(3, 15.0 * STEADY)}, ["joint 3 63%"]),
         (criteria.cool, temperature_of(np.nan), []),
         (criteria.cool, temperature_of(59.0), []),
@@ -213,7 +213,7 @@ def test_a_sound_robot_passes(go1: Robot, step: str) -> None:
     assert (verdict.findings, verdict.outcome.final_state) == ((), "IDLE")
 
 
-def test_the_first_step_to_notice(go1: Robot) -> None:
+def test_each_fault_is_found_by_the_first_step_that_can(go1: Robot) -> None:
     for steps, inject, message in (
         (["hold"], FAULTS["motor's torque reversed"], "pulls the other way"),
         (["hold"], FAULTS["ids of two motors swapped"], "outside its range"),

@@ -26,16 +26,16 @@ G1 = load_robot("g1")
 
 
 def run(
-    robot: Robot, policy: Policy, then: Callable[[ControlLoop], None] = lambda _: None, **changes: object
+    robot: Robot, policy: Policy, at_tick: Callable[[ControlLoop], None] = lambda _: None, **changes: object
 ) -> tuple[Trace, list[SimpleNamespace]]:
-    """A short run of a lying robot, which calls `then` at each tick."""
+    """A short run of a lying robot, which calls `at_tick` at each tick."""
     ticks: list[SimpleNamespace] = []
 
     def note(loop: ControlLoop, body: SimulatedRobot) -> None:
         height_m, tilt_rad = float(body.data.qpos[2]), tilt(body.data.qpos[3:7].copy())
         mode, target = loop.state.mode, loop.target
         ticks.append(SimpleNamespace(mode=mode, target=target, height_m=height_m, tilt_rad=tilt_rad))
-        then(loop)
+        at_tick(loop)
 
     settings = {"lying": True, "lie_down": True, "config": QUICK, "duration_s": 0.1} | changes
     return run_episode(robot, policy, short_episode(**settings), note), ticks
@@ -112,7 +112,8 @@ class TestRun:
         policy = Hold(go1)
         run(go1, policy, lying=False, command_source=lambda _: np.array([0.5, 0.0, 0.1]))
         commands = [seen.command.tolist() for seen in policy.seen]
-        assert commands == [[0.5, 0.0, 0.1]] * 6 + [[0.0] * 3] * 5  # 0.1 s each, and both ends
+        # The policy runs at 50 Hz: at 0 to 0.1 s while walking, then for 0.1 s while stopping.
+        assert commands == [[0.5, 0.0, 0.1]] * 6 + [[0.0] * 3] * 5
 
     def test_a_robot_without_a_lying_pose_cannot_begin_in_it(self) -> None:
         with pytest.raises(UserError, match=r"'g1'.*lying_rad"):

@@ -70,17 +70,17 @@ def worst(one: jax.Array, two: jax.Array) -> float:
 
 @IN_C
 def test_a_control_step_in_c_equals_mjx(begun: State, step) -> None:
-    """For states of a walk with every effect of motors, within rounding: MJX has single precision."""
-    model, each_motor = training_model(ROBOT, SMOKE.timestep_s), jnp.ones((ROBOTS, 12))
+    """In states of a walk, with every effect of the motors. MJX has single precision, hence the limits."""
+    model, ones = training_model(ROBOT, SMOKE.timestep_s), jnp.ones((ROBOTS, 12))
     model.opt.iterations, model.opt.ls_iterations = 20, 50
     mjx, c = (jax.jit(jax.vmap(physics(model, ROBOT))) for physics in (mjx_physics, c_physics))
     state, contacts = begun, set()
     for k, action in enumerate(actions(STEPS)):
         if k % COMPARED_EVERY == 0:
             motion, drive, fields = arguments(state)
-            motor = drive.motor._replace(**{name: value * each_motor for name, value in EFFECTS.items()})
+            motor = drive.motor._replace(**{name: value * ones for name, value in EFFECTS.items()})
             drive = drive._replace(motor=motor, lag=lag_over(motor.lag_s, SMOKE.timestep_s))
-            given = (motion._replace(lagged_torque=2.0 * each_motor), drive, fields)
+            given = (motion._replace(lagged_torque=2.0 * ones), drive, fields)
             (mjx_end, mjx_trace), (c_end, c_trace) = mjx(*given), c(*given)
             for name, limit in (("lagged_torque", 2e-2), ("qpos", 1e-4), ("qvel", 5e-3)):
                 assert worst(getattr(mjx_end, name), getattr(c_end, name)) < limit
@@ -149,14 +149,15 @@ def test_a_diverging_robot_affects_no_other_and_nothing_is_printed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], step, begun
 ) -> None:
     monkeypatch.chdir(tmp_path)  # where MuJoCo would log its warnings
-    well, _, well_result = jax.device_get(step(begun, actions()[0]))
+    undisturbed, _, undisturbed_result = jax.device_get(step(begun, actions()[0]))
     qpos, qvel = begun.qpos.at[3, 6].set(jnp.nan), begun.qvel.at[5, 6].set(jnp.inf).at[7, 0].set(1e20)
     after, observation, result = jax.device_get(step(begun._replace(qpos=qpos, qvel=qvel), actions()[0]))
     for flags in (result.metrics["episode/diverged"], result.terminated):
         assert np.flatnonzero(flags).tolist() == [3, 5, 7]
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves((observation, result, after.qpos)))
     others = np.setdiff1d(np.arange(ROBOTS), [3, 5, 7])
-    assert equal(*(jax.tree.map(lambda x: x[others], r) for r in ((after, result), (well, well_result))))
+    expected = (undisturbed, undisturbed_result)
+    assert equal(*(jax.tree.map(lambda x: x[others], each) for each in ((after, result), expected)))
     assert list(tmp_path.iterdir()) == []
     assert "WARNING" not in capfd.readouterr().err
 
@@ -169,8 +170,8 @@ def test_a_centre_of_mass_at_the_bodys_origin_moves(begun: State) -> None:
         model.body_ipos[1], model.body_sameframe[1] = 0.0, mujoco.mjtSameFrame.mjSAMEFRAME_BODY
     moved.body_ipos[1], moved.body_sameframe[1] = (0.05, 0.0, 0.02), mujoco.mjtSameFrame.mjSAMEFRAME_NONE
     motion, drive, _ = arguments(begun)
-    nominal = {"body_ipos": jnp.tile(jnp.float32(moved.body_ipos), (ROBOTS, 1, 1))}
-    by_field = jax.vmap(c_physics(plain, ROBOT))(motion, drive, nominal)
+    fields = {"body_ipos": jnp.tile(jnp.float32(moved.body_ipos), (ROBOTS, 1, 1))}
+    by_field = jax.vmap(c_physics(plain, ROBOT))(motion, drive, fields)
     by_model = jax.vmap(c_physics(moved, ROBOT))(motion, drive, {})
     assert worst(by_field[0].qvel, by_model[0].qvel) < 1e-4
     assert worst(by_field[0].qvel, jax.vmap(c_physics(plain, ROBOT))(motion, drive, {})[0].qvel) > 1e-2
@@ -183,8 +184,8 @@ def arguments(state: State) -> tuple[Motion, Drive, dict[str, jax.Array]]:
     def each(values: np.ndarray) -> jax.Array:
         return jnp.asarray(values * rng.uniform(0.9, 1.1, (ROBOTS, len(values))), dtype=jnp.float32)
 
-    moving = 0.01 * jnp.arange(SMOKE.substeps)[:, None] * jnp.linspace(-1.0, 1.0, 12)
-    target = state.target[:, None] + moving
+    offset = 0.01 * jnp.arange(SMOKE.substeps)[:, None] * jnp.linspace(-1.0, 1.0, 12)
+    target = state.target[:, None] + offset
     bias = jnp.asarray(0.02 * rng.normal(size=(ROBOTS, 12)), dtype=jnp.float32)
     drive = Drive(target, each(ROBOT.kp), each(ROBOT.kd), jax.tree.map(each, ROBOT.motor), bias)
     return Motion(state.qpos, state.qvel, state.qacc_warmstart), drive, state.fields

@@ -170,6 +170,8 @@ def test_the_default_is_all_steps_of_go1_in_simulation(shell: Shell, runs: list[
     assert (setting.robot.name, setting.policy.name, setting.realtime) == ("go1", "stand", False)
     written = json.loads(Path("a.json").read_text())
     assert written.items() >= {"robot": "go1", "bus": "sim", "scale": 0.5}.items()
+    skipped = ("--robot", "g1", "--steps", "shift", "--json", "b.json")
+    assert (shell("bring-up", "step", *skipped).status, Path("b.json").exists()) == (0, True)
 
 
 def test_robot_policy_bus_and_loop_can_be_chosen(shell: Shell, runs: list[Run]) -> None:

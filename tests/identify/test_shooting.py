@@ -5,7 +5,7 @@ import pytest
 
 from footfall.identify.shooting import FitParameter, Shooting
 
-TRUTH = np.array([7.0, 0.8])  # rad/s; share of the velocity that decays in a second
+TRUTH = np.array([7.0, 0.8])  # undamped frequency, rad/s; decay rate of the amplitude, 1/s
 PARAMETERS = (
     FitParameter("speed", "rad/s", 6.0, 1.0, 20.0, 0.5),
     FitParameter("decay", "1/s", 0.2, 0.0, 5.0, 0.2),
@@ -13,18 +13,18 @@ PARAMETERS = (
 TIMES = np.linspace(0.0, 0.5, 30)
 
 
-def oscillate(numbers: np.ndarray, start: np.ndarray) -> np.ndarray:
+def oscillate(parameters: np.ndarray, start: np.ndarray) -> np.ndarray:
     """x'' = -w² x - 2 d x'."""
-    w, d = numbers[:, :, None, None]
+    w, d = parameters[:, :, None, None]
     position, velocity = start[:, :, :1], start[:, :, 1:]
-    turn = np.sqrt(w * w - d * d)
-    sine = (velocity + d * position) / turn * np.sin(turn * TIMES)
-    found: np.ndarray = (np.exp(-d * TIMES) * (position * np.cos(turn * TIMES) + sine))[..., None]
-    return found
+    damped = np.sqrt(w * w - d * d)
+    sine = (velocity + d * position) / damped * np.sin(damped * TIMES)
+    motion: np.ndarray = (np.exp(-d * TIMES) * (position * np.cos(damped * TIMES) + sine))[..., None]
+    return motion
 
 
 def recorded() -> Shooting:
-    """Windows of two recordings, the second three times as long; estimated starts are off."""
+    """Windows of two recordings, the second three times as long; the estimated starts have errors."""
     rng = np.random.default_rng(0)
     start = rng.normal(size=(12, 2)) * (0.3, 2.0)
     measured = oscillate(TRUTH[:, None], start[None])[0]

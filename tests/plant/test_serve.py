@@ -19,7 +19,7 @@ from footfall.robots.description import Robot
 
 
 def test_a_stall_is_not_caught_up() -> None:
-    """The 20th of 40 steps takes 0.1 s more. The body, its wires and its bus are one, without frames."""
+    """The 20th of 40 steps takes 0.1 s more. One object replaces body, wires and bus; no frames arrive."""
     times_us: list[int] = []
     stop = threading.Event()
 
@@ -42,9 +42,9 @@ def test_a_stall_is_not_caught_up() -> None:
 def test_frames_that_arrive_during_a_stall_are_lost() -> None:
     times_us = np.array([100.0, 5000.0, 9000.0])
     batch = Frames(np.zeros(3, int), np.array([1, 2, 3]), np.zeros((3, 8), np.uint8), np.full(3, 8), times_us)
-    left = not_before(batch, 5000)
-    assert left.time_us is not None
-    assert (left.id.tolist(), left.time_us.tolist()) == ([2, 3], [5000.0, 9000.0])
+    kept = not_before(batch, 5000)
+    assert kept.time_us is not None
+    assert (kept.id.tolist(), kept.time_us.tolist()) == ([2, 3], [5000.0, 9000.0])
 
 
 def test_options_reach_the_simulated_robot(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,17 +71,18 @@ def test_bad_input_ends_in_one_line_as_on_the_command_line(
     assert (ended.value.code, line.partition(": ")[0]) == (2, "footfall")
 
 
-def test_the_plant_has_its_settings_and_ends_with_it(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[Any] = []
+def test_the_bus_closes_after_the_robots_thread(go1: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[Any] = []
+    threads_at_close: list[int] = []
 
     def close() -> None:
-        made.append(sum(thread.name == "robot" for thread in threading.enumerate()))
+        threads_at_close.append(sum(thread.name == "robot" for thread in threading.enumerate()))
 
     def open_bus(interface: str, names: tuple[str, ...], filters: Any) -> Any:
-        made.append((interface, names))
+        opened.append((interface, names))
         return SimpleNamespace(receive=lambda _: [], send=lambda *_: None, close=close)
 
     monkeypatch.setattr(module, "open_interfaces", open_bus)
     with module.serving(go1, "vcan", PlantConfig(sample={"encoder_bias": np.full(12, 0.25)})) as body:
         np.testing.assert_array_equal(body.encoder_bias, 0.25)
-    assert made == [("vcan", wiring_of(go1).buses), 0]  # closed once it is unused
+    assert (opened, threads_at_close) == ([("vcan", wiring_of(go1).buses)], [0])

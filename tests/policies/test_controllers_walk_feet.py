@@ -37,7 +37,7 @@ def cycle() -> FootCycle:
     return FootCycle(FOOTING, TIMING, OFFSETS)
 
 
-def test_a_blend_is_at_rest_at_both_ends_and_a_lift_as_well() -> None:
+def test_a_blend_and_a_lift_are_at_rest_at_both_ends() -> None:
     np.testing.assert_allclose(blend(np.array([0.0, 0.2, 0.5, 0.8, 1.0])), [0, 0.05792, 0.5, 0.94208, 1])
     lifted = [lift(s) for s in (0.0, 0.25, 0.5, 0.75, 1.0)]
     np.testing.assert_allclose(lifted, [0, 0.5, 1, 0.5, 0], atol=1e-15)
@@ -62,7 +62,7 @@ def test_a_rolling_foots_stance_is_symmetric_about_its_position() -> None:
 
 
 def test_a_swinging_foot_is_between_two_points_that_move_with_the_ground() -> None:
-    """At three quarters of the swing the blend is 459 / 512, the lift is half, and 0.2 s are left.
+    """At three quarters of the swing the blend is 459 / 512, the lift is half, and 0.2 s remain.
 
     The foot rolls, under a body that moves ahead and to the right, and turns left.
     """
@@ -76,9 +76,9 @@ def test_a_swinging_foot_is_between_two_points_that_move_with_the_ground() -> No
     foot.x, foot.y, foot.z = *here.tolist(), 0.01
     foot.lift_off(0.04)
     foot.fly(VELOCITY.tolist(), 0.5, 0.75, TIMING)
-    left = here - 0.5 * passing(here)
+    start = here - 0.5 * passing(here)
     stance = nominal + 0.6 * passing(nominal)
-    assert (foot.x, foot.y) == pytest.approx(tuple(left + share * (stance + 0.2 * passing(stance) - left)))
+    assert (foot.x, foot.y) == pytest.approx(tuple(start + share * (stance + 0.2 * passing(stance) - start)))
     assert foot.z == pytest.approx((1 - share) * 0.01 + 0.5 * 0.04)
     assert foot.progress == 0.75
     foot.fly(VELOCITY.tolist(), 0.1, 1.0, TIMING)
@@ -104,7 +104,7 @@ def test_after_a_reset_all_feet_are_at_their_nominal_positions(cycle: FootCycle)
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_new_gait_begins_with_the_smallest_travel(cycle: FootCycle, seed: int) -> None:
-    """All 24 clocks are tried. The body's rotation counts in the past, not in the future."""
+    """All 24 clocks are tried. Only the travel so far includes the body's rotation."""
     rng = np.random.default_rng(seed)
     timing, offsets = GaitTiming(float(rng.uniform(0.3, 3.0)), 0.6), rng.uniform(size=2)
     velocity = [*rng.uniform(-0.2, 0.2, 2).tolist(), float(rng.uniform(-2.0, 2.0))]
@@ -209,8 +209,8 @@ class TestLimits:
         assert pace.reason.startswith("strides are shortened: feet would be out of the legs' reach")
         assert pace.stride == stride
         for share, reached in ((pace.stride, True), (pace.stride + 0.2, False)):
-            _, missed = self.angles(walk._replace(velocity=share * walk.velocity), 13)
-            assert (missed < 0.003) == reached
+            _, error_m = self.angles(walk._replace(velocity=share * walk.velocity), 13)
+            assert (error_m < 0.003) == reached
 
     def test_a_body_too_high_for_its_legs_does_not_walk(self) -> None:
         pace = self.limits(1.0).pace(self.steady((0.01, 0.0, 0.0), height_m=1.0))
@@ -274,7 +274,10 @@ class TestSwayPlan:
         assert max(before, after) < at == pytest.approx(0.05)
 
     def test_in_flight_the_target_pressure_is_in_the_middle(self) -> None:
-        """A foot at 0.1 m for a quarter of the cycle has the first sine 2 * 0.1 sin(pi / 4) / pi, at 1/8."""
+        """A foot at 0.1 m stands for a quarter of the cycle, around clock 1/8.
+
+        The first harmonic of its position has the amplitude 2 * 0.1 sin(pi / 4) / pi, and its maximum at 1/8.
+        """
         plan = plan_sway(np.array([[0.1, 0.0]]), GaitTiming(1.0, 0.25), np.zeros(1), self.HEIGHT_M, 1.0)
         found = sine_at(plan.pressure, np.array([0.125, 0.375]))
         amplitude = 0.2 * math.sin(math.pi / 4) / math.pi
@@ -282,20 +285,20 @@ class TestSwayPlan:
 
 
 def test_the_sway_is_approached_within_a_quarter_cycle_without_a_jump() -> None:
-    sway, way, goal = Sway(), [0.0], np.array([0.0, 0.05 + 0.0j])
+    sway, path, goal = Sway(), [0.0], np.array([0.0, 0.05 + 0.0j])
     for _ in range(250):
         sway.approach(goal, 0.001)
-        way.append(float(sway.at(0.0)[1]))
-    assert 0.045 < way[-1] < 0.05
-    assert np.abs(np.diff(way, 2)).max() < 2e-5
-    assert sway.distance(goal) == pytest.approx(0.05 - way[-1])
+        path.append(float(sway.at(0.0)[1]))
+    assert 0.045 < path[-1] < 0.05
+    assert np.abs(np.diff(path, 2)).max() < 2e-5
+    assert sway.distance(goal) == pytest.approx(0.05 - path[-1])
     sway.reset()
     assert sway.at(0.3) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("cycles", [1 / 16, 1.0])
 def test_a_long_tick_does_not_overshoot_the_sway(cycles: float) -> None:
-    """Afterwards it equals the plan's sine at any time of the clock."""
+    """Afterwards the sway equals the plan's sine at any clock."""
     sway, goal = Sway(), np.array([0.03 + 0.02j, -0.01 + 0.04j])
     sway.approach(goal, cycles)
     assert sway.distance(goal) == pytest.approx(0.0, abs=1e-12)
@@ -316,16 +319,16 @@ class TestGroundForce:
     LOADED = np.outer([0, 1, 0, 0, 0, 0], [0.0, 0.0, 1.5 * 9.81 * 3.01 / 6])
     LOADED_SHARES = (0.0, 1.5, 0.0, 0.0, 0.0, 0.0)
 
-    def readings(self, pushed: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> Sensed:
+    def readings(self, force: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> Sensed:
         """Readings of a robot whose motors move the legs and push on the ground with forces (6, 3)."""
         inertial = (BODY.leg_inertia @ LEGS.gather(acceleration)[:, :, None])[:, :, 0]
         weight = LEGS.holding_torque(POSE, np.array([0.0, 0.0, 9.81]))
-        torque = LEGS.scatter(weight + LEGS.torque(self.JACOBIAN, pushed) + inertial, self.STILL)
+        torque = LEGS.scatter(weight + LEGS.torque(self.JACOBIAN, force) + inertial, self.STILL)
         return readings(HEXAPOD, velocity=velocity, torque=torque - friction_torque(velocity, HEXAPOD.motor))
 
     def shares(
         self,
-        pushed: np.ndarray,
+        force: np.ndarray,
         acceleration: np.ndarray,
         rate: float = 0.0,
         heavier: float = 1.0,
@@ -336,12 +339,12 @@ class TestGroundForce:
         ground.reset(self.readings(self.FREE, rate + self.STILL, self.STILL))
         for tick in range(1, 51):
             velocity = rate + tick * 0.004 * acceleration
-            sensed = self.readings(pushed, velocity, heavier * acceleration)
+            sensed = self.readings(force, velocity, heavier * acceleration)
             shares = ground.update(sensed, self.JACOBIAN, 0.004)
         return shares
 
     def test_gearbox_friction_and_accelerated_legs_are_not_mistaken_for_ground(self) -> None:
-        """Friction at 2 rad/s is 0.13 N m, at least a fifth of a share; the acceleration needs three."""
+        """Friction at 2 rad/s is 0.13 N m, at least a fifth of a share; the acceleration takes three."""
         np.testing.assert_allclose(self.shares(self.FREE, self.STILL, rate=2.0), 0.0, atol=0.01)
         np.testing.assert_allclose(self.shares(self.FREE, self.LOWERING), 0.0, atol=0.05)
         np.testing.assert_allclose(self.shares(self.LOADED, self.LOWERING), self.LOADED_SHARES, atol=0.05)

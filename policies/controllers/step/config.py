@@ -60,7 +60,9 @@ class Start:
     """Conditions and timing of the first step."""
 
     capture_m: float  # distance of the capture point from the middle of the feet that triggers a step
-    near_m: float  # lateral distance of the capture point to the stance foot at lift-off of the other foot
+    # Lateral distance of the capture point to the stance foot at which the other foot lifts off. After a step
+    # the robot stops walking only if the distance of the feet along the heading is smaller.
+    near_m: float
     max_s: float  # longest duration of the shift before lift-off
     urgent_m: float  # distance of the capture point ahead or behind that ends the shift at once
 
@@ -83,7 +85,7 @@ class StepConfig:
     attitude: Feedback
     posture: Feedback
     momentum_damping: float  # 1/s
-    max_force: float  # limit of a foot, shared equally by its points; share of the weight
+    max_force: float  # of a foot, shared equally by its contact points, over the robot's weight
     settle_s: float  # time until the height is reached
     whole_body: WholeBodyConfig
 

@@ -68,15 +68,16 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
     setting, steps = _setting(policy, options), _chosen(options.steps)
     robot = setting.robot
     verdicts: list[Verdict] = []
+    write_json(options.json, _figures(verdicts, options))  # even if all steps are skipped
     for step in steps:
         if reason := step.skipped_by(robot):
             print(f"{step.name}: skipped, since {reason}", flush=True)
             continue
         if options.bus != SIMULATED:
-            place = HANGS if step.hangs else HELD if robot.description.held_start else GROUND
+            question = HANGS if step.hangs else HELD if robot.description.held_start else GROUND
             if step.uneven:
-                place += f". Boards or mats up to {setting.config.uneven_m} m high lie ahead of it"
-            confirm(f"{step.name}: {step.about}. {place}?", options.yes)
+                question += f". Boards or mats up to {setting.config.uneven_m} m high lie ahead of it"
+            confirm(f"{step.name}: {step.about}. {question}?", options.yes)
         verdicts.append(_run_step(step, setting, options.bus))
         write_json(options.json, _figures(verdicts, options))
         print(f"{step.name}: {step.about}: {'passed' if verdicts[-1].passed else 'failed'}", flush=True)
@@ -132,22 +133,22 @@ def _chosen(names: tuple[str, ...]) -> "list[Step]":
     return [step for step in STEPS if not names or step.name in names]
 
 
-def _run_step(step: "Step", setting: "Setting", kind: str) -> "Verdict":
+def _run_step(step: "Step", setting: "Setting", bus_name: str) -> "Verdict":
     from footfall.deploy.bring_up.steps import run_step
 
-    with _bus_of(setting, step, kind) as bus:
+    with _bus_of(setting, step, bus_name) as bus:
         return run_step(step, setting, bus)
 
 
 @contextmanager
-def _bus_of(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
+def _bus_of(setting: "Setting", step: "Step", bus_name: str) -> "Iterator[Bus]":
     """Bus to the robot; a simulated robot starts as the step requires."""
     from footfall.deploy.wiring import wiring_of
 
     robot, wiring = setting.robot, wiring_of(setting.robot)
     plant = None
     with ExitStack() as resources:
-        if kind in (SIMULATED, VIRTUAL):
+        if bus_name in (SIMULATED, VIRTUAL):
             from footfall.plant.robot import PlantConfig, SimulatedRobot
             from footfall.terrain.declaration import load_ground
 
@@ -160,7 +161,7 @@ def _bus_of(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
                 ground=load_ground(uneven) if step.uneven else None,
                 release_after_s=setting.deploy.held_up_s,
             )
-        if kind == SIMULATED:
+        if bus_name == SIMULATED:
             from footfall.plant.bus import SimulatedBus
             from footfall.plant.wires import SimulatedWires
 
@@ -169,7 +170,9 @@ def _bus_of(setting: "Setting", step: "Step", kind: str) -> "Iterator[Bus]":
             return
         from footfall.deploy.stop_inputs.open import filters_of
 
-        yield resources.enter_context(interface_bus(robot, wiring, kind, filters_of(robot, wiring), plant))
+        yield resources.enter_context(
+            interface_bus(robot, wiring, bus_name, filters_of(robot, wiring), plant)
+        )
 
 
 def _figures(verdicts: "list[Verdict]", options: BringUpOptions) -> dict[str, Any]:

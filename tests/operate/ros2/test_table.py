@@ -12,22 +12,22 @@ from footfall.operate.ros2.cyclone_bridge.decode import decode
 from footfall.operate.ros2.table import HEIGHT_SCAN, TWIST, TWIST_STAMPED, absolute, in_name
 from footfall.operate.ros2.throttle import Throttle
 
-PARTS = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")  # of a ROS 2 name
+NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")  # an absolute name of ROS 2
 
 
 def test_names_are_valid_in_ros_unique_and_published_topics_are_in_the_feed() -> None:
     topics = [absolute(each.name.format("trot")) for each in (*table.PUBLISHED, *table.SUBSCRIBED)]
     offered = (*table.SERVICES, *table.CHOICES.values(), table.WAVE, table.FOLLOW_PATH)
     services = [absolute(each.name.format("trot")) for each in offered]
-    assert all(map(PARTS.fullmatch, [*topics, *services]))
+    assert all(map(NAME.fullmatch, [*topics, *services]))
     assert (len(set(topics)), len(set(services))) == (len(topics), len(services))
     assert {each.feed for each in table.PUBLISHED} <= set(TOPICS)
     for policy in ("trot", "go1-flat", "trot@kp=90", "3 legs", "runs/näher"):
-        assert PARTS.fullmatch(f"/{in_name(policy)}")
+        assert NAME.fullmatch(f"/{in_name(policy)}")
 
 
 def test_a_throttle_keeps_the_mean_rate() -> None:
-    """Of 500 Hz, 200 Hz and 50 Hz pass; after a pause there is no burst."""
+    """Messages arrive at 500 Hz; at most `rate_hz` pass. After a pause there is no burst."""
     for rate_hz in (200.0, 50.0, float("inf")):
         throttle = Throttle(rate_hz)
         passed = sum(throttle.due(10**18 + tick * 2_000_000) for tick in range(500))

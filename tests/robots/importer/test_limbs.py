@@ -38,6 +38,9 @@ def test_a_part_that_is_fixed_to_a_limbs_end_may_have_the_foots_name(tmp_path: P
     source = read(tmp_path, on_base(*limbs))
     assert feet_of(source, "b_pad", "a") == ["b", "a"]
     assert find_limbs(source, ("b_pad", "a")).guesses == ()
+    for named, reason in ((("b_pad", "a", "b"), "'b'"), (("a",), "2 feet")):
+        with pytest.raises(UserError, match=reason):
+            find_limbs(source, named)
     assert len(find_limbs(source).guesses) == 1
 
 

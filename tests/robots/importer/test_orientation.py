@@ -54,6 +54,12 @@ def test_a_file_whose_y_axis_points_up(tmp_path: Path) -> None:
         build_machine(lying, "m")
     machine, guesses = build_machine(lying, "m", forward="x", up="y")
     assert "y up" in guesses[0]
+    for new_axes, expected in (
+        (("z", "y"), "y axis pointing forward, x up"),
+        (("y", "x"), "z axis pointing forward, y up"),
+    ):
+        rotated = with_base_axes(upright, base_of(upright.model), *new_axes)
+        assert f"its {expected}" in build_machine(rotated, "m", up=expected[-4])[1][0]
     for link, expected in zip(machine.links, build_machine(upright, "m")[0].links, strict=True):
         assert link.position == pytest.approx(expected.position, abs=1e-9)
         assert link.inertia == pytest.approx(expected.inertia, abs=1e-9)

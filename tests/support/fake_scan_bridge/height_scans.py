@@ -1,4 +1,4 @@
-"""Sends the same scan again and again."""
+"""Sends the same scan every 10 ms to the port in its argument, until its standard input ends."""
 
 import math
 import sys
