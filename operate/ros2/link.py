@@ -64,15 +64,17 @@ class Link:
             self._socket.sendall(json.dumps(message).encode() + b"\n")
 
     def _read(self) -> None:
-        with suppress(OSError, ValueError), self._socket.makefile("rb") as lines:
-            for line in lines:
-                message = json.loads(line)
-                if "status" in message:
-                    self._on_status(message["status"])
-                elif (answer := self._answers.get(message.get("id"))) is not None:
-                    answer.put(message["refused"])
-                elif (why := message["refused"]) and len(self._refusals) < MAX_REFUSALS:
-                    if why not in self._refusals:
-                        self._on_refused(why)
-                    self._refusals.add(why)
-        self.closed.set()
+        try:
+            with suppress(OSError, ValueError), self._socket.makefile("rb") as lines:
+                for line in lines:
+                    message = json.loads(line)
+                    if "status" in message:
+                        self._on_status(message["status"])
+                    elif (answer := self._answers.get(message.get("id"))) is not None:
+                        answer.put(message["refused"])
+                    elif (why := message["refused"]) and len(self._refusals) < MAX_REFUSALS:
+                        if why not in self._refusals:
+                            self._on_refused(why)
+                        self._refusals.add(why)
+        finally:  # a bridge that no longer hears the run has to end
+            self.closed.set()

@@ -93,6 +93,14 @@ def test_the_bridge_receives_the_status_and_each_note_once(inbox: Inbox, path: P
     assert (received[-1]["gaits"], received[-1]["pose"]) == (["trot", "wave"], [1, 2, 0])
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_a_link_that_fails_to_read_counts_as_closed(path: Path) -> None:
+    def fail(_: object) -> None:
+        raise RuntimeError
+
+    assert Link(str(path), fail, lambda _: None).closed.wait(5.0)
+
+
 def test_a_run_waits_for_the_first_request_and_ends_after_silence(tmp_path: Path) -> None:
     inbox = Inbox(InboxConfig(still_after_s=0.2, lie_down_after_s=0.3))
     inbox.poll(WALKING)
