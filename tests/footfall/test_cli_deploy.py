@@ -214,10 +214,13 @@ def test_a_biped_skips_the_step_that_needs_three_feet(shell: Shell, runs: list[R
 
 
 def test_each_step_is_confirmed(shell: Shell, runs: list[Run], monkeypatch: pytest.MonkeyPatch) -> None:
-    answered = Mock(side_effect=["y", "Yes", ""])
+    answered = Mock(side_effect=["y", "Yes", "", ""])
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("builtins.input", answered)
     assert shell("bring-up", "stand", "--bus", "virtual", "--steps", "hold,legs,walk").status == 2
     assert [step for step, *_ in runs] == ["hold", "legs"]
     hangs = ["air" in asked.args[0] for asked in answered.call_args_list]
     assert hangs == [True, True, False]
+    Path("a.json").write_text("of an earlier run")
+    assert shell("bring-up", "stand", "--bus", "virtual", "--json", "a.json").status == 2
+    assert Path("a.json").read_text() == "of an earlier run"

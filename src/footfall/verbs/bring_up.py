@@ -68,7 +68,6 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
     setting, steps = _setting(policy, options), _chosen(options.steps)
     robot = setting.robot
     verdicts: list[Verdict] = []
-    write_json(options.json, _figures(verdicts, options))  # even if all steps are skipped
     for step in steps:
         if reason := step.skipped_by(robot):
             print(f"{step.name}: skipped, since {reason}", flush=True)
@@ -85,6 +84,8 @@ def bring_up(policy: PolicyName, /, *, options: BringUpOptions = BringUpOptions(
             print(f"  {finding}")
         if not verdicts[-1].passed:
             return FAILED
+    if not verdicts:  # only now: a refused question must not replace the verdicts of an earlier run
+        write_json(options.json, _figures(verdicts, options))
     return 0
 
 
