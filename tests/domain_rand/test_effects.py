@@ -44,6 +44,16 @@ def test_friction_is_set_on_all_geoms_of_the_ground(go1: Robot) -> None:
     ground = model.geom_bodyid == 0
     assert ground.sum() > 100
     assert (changed["geom_friction"][ground, 0] == 0.3).all()
+    np.testing.assert_array_equal(changed["geom_friction"][:, 1:], model.geom_friction[:, 1:])  # only sliding
+
+
+def test_a_payload_adds_to_drawn_masses(go1: Robot) -> None:
+    model = plant_model(go1)
+    where = body_map(model, go1)
+    changed = randomised_fields(model, Sample(link_mass=np.full(13, 1.5), payload_kg=np.array(2.0)), where)
+    expected = 1.5 * model.body_mass
+    expected[where.base] += 2.0
+    np.testing.assert_allclose(changed["body_mass"], expected)
 
 
 def test_derived_constants_follow_the_masses(go1: Robot) -> None:

@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import MagicMock, patch
+from unittest.mock import MagicMock, Mock, patch
 
 import numpy as np
 import pytest
@@ -230,7 +230,7 @@ def test_modules_run_by_ros_python_need_no_packages_of_footfall() -> None:
     subprocess.run(command, check=True, env={"PYTHONPATH": str(ROOT / "src")})
 
 
-def test_a_refused_path_ends_with_nav2s_code_for_an_unknown_error() -> None:
+def test_a_path_of_ros_ends_at_its_heading_and_if_refused_with_nav2s_code_for_an_unknown_error() -> None:
     """`rclpy` and `nav2_msgs` are replaced: Nav2's behaviour trees decide by this code."""
     modules = ("action", "node", "publisher", "qos", "task")
     ros: dict[str, Any] = {f"rclpy.{name}": MagicMock() for name in modules}
@@ -239,10 +239,12 @@ def test_a_refused_path_ends_with_nav2s_code_for_an_unknown_error() -> None:
     ros["nav2_msgs.action"].FollowPath.Result.UNKNOWN = 100
     with patch.dict(sys.modules, ros):
         action = import_module("footfall.operate.ros2.rclpy_bridge.path_action")
-        link = MagicMock(request=lambda **_: "another operator steers")
-        action.PathAction(MagicMock(), link)
-    handle = MagicMock()
-    handle.request.path.poses = [MagicMock()]
+        request = Mock(return_value="another operator steers")
+        action.PathAction(MagicMock(), MagicMock(request=request))
+    handle, last = MagicMock(), MagicMock()
+    last.pose.orientation = SimpleNamespace(x=0.0, y=0.0, z=math.sin(0.35), w=math.cos(0.35))
+    handle.request.path.poses = [MagicMock(), last]
     with pytest.raises(StopIteration) as ended:
         ros["rclpy.action"].ActionServer.call_args.kwargs["execute_callback"](handle).send(None)
     assert ended.value.value.error_code == 100
+    assert request.call_args.kwargs["yaw_rad"] == pytest.approx(0.7)
