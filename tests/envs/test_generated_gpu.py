@@ -130,7 +130,8 @@ def test_limbs_that_differ_are_computed_by_one_thread(bodies: dict[str, Robot]) 
 
 
 def test_the_reason_why_no_kernel_can_be_called_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "driver" in on_gpu.unavailable() or "libnvrtc" in on_gpu.unavailable()  # there is no GPU here
+    reason = on_gpu.unavailable()
+    assert not reason or "driver" in reason or "libnvrtc" in reason  # empty on a machine with a GPU
     monkeypatch.setattr(nvrtc, "library", lambda: None)
     for module, function, result, reason in (
         (driver, "capability", 90, ""), (driver, "capability", 75, "7.5"),
@@ -156,8 +157,9 @@ def test_a_kernel_is_compiled_once_and_stored_in_the_program(monkeypatch: pytest
     assert taken == [("stored", b"code", launch)]
     assert [call.args[0] for call in load.call_args_list] == [b"code"]
     kernels._registered.clear()
-    kernels.adopt(taken)
-    assert kernels.compiled() == taken
+    stored = [taken[0]._replace(name="adopted")]  # where there is a GPU, XLA knows the other name for ever
+    kernels.adopt(stored)
+    assert kernels.compiled() == stored
     assert compile_code.call_count == 1
 
 
