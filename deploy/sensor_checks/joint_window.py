@@ -47,8 +47,8 @@ class JointWindow(NamedTuple):
     torque: np.ndarray  # mean of the reported torque, N m
     strongest: np.ndarray  # largest absolute reported torque, N m
     expected: np.ndarray  # mean expected torque from the last commands, N m
-    uncertainty: np.ndarray  # N m, effect of a reading's error on it
-    certain: np.ndarray  # its absolute value beyond that effect, N m
+    uncertainty: np.ndarray  # N m, effect of a reading's error on the expected torque
+    certain: np.ndarray  # absolute expected torque beyond this uncertainty, N m
     stiffness: np.ndarray  # of the last command, N m/rad
     target_speed: np.ndarray  # speed of the position target, rad/s
     target_travel: np.ndarray  # travel of the position target in the previous window, rad

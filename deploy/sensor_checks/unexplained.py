@@ -17,7 +17,7 @@ from footfall.deploy.sensor_checks.joint_window import JointWindow
 from footfall.deploy.sensor_checks.torque import TorqueLimits
 from footfall.robots.description import Robot
 
-WINDOWS_PER_SHARE = 2  # commands are ignored for long, and this check takes more time than others
+WINDOWS_PER_SHARE = 2  # a motor that ignores commands does so for long, and this check is slow
 
 
 @dataclass(frozen=True)
