@@ -169,7 +169,7 @@ def with_fault(task: tuple[str, int, str, str]) -> dict[str, Any]:
     detected_s: list[float] = []
 
     def watch(loop: ControlLoop, body: SimulatedRobot) -> None:
-        body.fall = lambda: None  # type: ignore[method-assign]
+        body.fall = lambda _=None: None  # type: ignore[method-assign, assignment]
         if not injected_s and loop.walking and loop.walking_s >= at_s:
             FAULTS[kind](body, joint)
             injected_s.append(loop.now_us * 1e-6)

@@ -23,10 +23,12 @@ from footfall.domain_rand.height_scan import HeightScanErrors
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.sample import Sample
 from footfall.plant.bus import SimulatedBus
+from footfall.plant.ground_truth import Snapshot
 from footfall.plant.height_scan import SimulatedScanner
 from footfall.plant.progress import Progress
+from footfall.plant.recorder import Moment, Recorder
 from footfall.plant.robot import PlantConfig, SimulatedRobot
-from footfall.plant.trace import Recorder, Trace
+from footfall.plant.trace import Trace
 from footfall.plant.wires import SimulatedWires
 from footfall.policies.height_scan import common_height_scan
 from footfall.policies.policy import Policy
@@ -163,18 +165,22 @@ class Trial:
 
     def __init__(self, robot: Robot, body: SimulatedRobot, episode: Episode, watch: Watch | None) -> None:
         self._body, self._episode, self._watch = body, episode, watch
-        self._recorder = Recorder(len(robot.joint_names), len(robot.description.feet), body.model.nq)
+        self._sizes = len(robot.joint_names), len(robot.description.feet), body.model.nq
         self._progress = Progress(episode.record_rate_hz)
+        self._recorder = Recorder(body.truths, self._progress, keep=episode.record)
+        self._last: Snapshot | None = None  # of the last sample
         self._pushes = sorted(episode.pushes, key=lambda push: push.time_s)
         self._sample_period_s = 1.0 / episode.record_rate_hz
         self._next_sample_s = 0.0
         self._fall_reason = ""
         self._diverged = self._walked = False
-        self._velocity = np.full(3, np.nan)
 
     def velocity(self) -> np.ndarray:
-        """The base's true velocity in the last sample, m/s, body frame, (3,)."""
-        return self._velocity
+        """The base's true velocity in the last sample, m/s, body frame, (3,); NaN before the first one."""
+        if self._last is None:
+            return np.full(3, np.nan)
+        velocity: np.ndarray = self._body.truths([self._last]).base_velocity[0]
+        return velocity
 
     def tick(self, loop: ControlLoop) -> None:
         """Call after each joint tick."""
@@ -199,37 +205,22 @@ class Trial:
         if now_s < self._next_sample_s - 1e-9:
             return
         self._next_sample_s = max(self._next_sample_s + self._sample_period_s, now_s)  # later, after a fall
-        self._record_sample(loop, now_s)
-        if self._episode.get_up is None and (reason := body.fall()) is not None:
+        self._last = snapshot = body.snapshot()
+        estimate = loop.estimate
+        self._recorder.add(
+            Moment(snapshot, body.take_power(), now_s, loop.requested_command, loop.target, *estimate)
+        )
+        if self._episode.get_up is None and (reason := body.fall(snapshot)) is not None:
             self._fall_reason = reason
             loop.finish(skip_lie_down=True)
         if body.diverged():
             self._diverged = True
             loop.finish(skip_lie_down=True)
 
-    def _record_sample(self, loop: ControlLoop, now_s: float) -> None:
-        truth, power = self._body.truth(), self._body.take_power()
-        self._velocity = truth.base_velocity
-        self._progress.add(truth.base_position, truth.base_velocity)
-        if not self._episode.record:
-            return
-        velocity, height = loop.estimate
-        self._recorder.add(
-            **truth._asdict(),
-            time_s=now_s,
-            command=loop.requested_command,
-            joint_target=loop.target,
-            estimated_velocity=velocity,
-            estimated_height=height,
-            electrical_power=power.electrical,
-            mechanical_power=power.mechanical,
-            positive_power=power.positive,
-        )
-
     def trace(self, outcome: SessionResult) -> Trace:
         """The episode's trace; a fall that only the simulation detected counts, too."""
         ended_falling = outcome.final_state == Mode.FALLING.value
-        report: dict[str, Any] = {**vars(outcome), **self._recorder.arrays()}
+        report: dict[str, Any] = {**vars(outcome), **self._recorder.arrays(*self._sizes)}
         report["notes"] = (*outcome.notes, *self._body.notes)
         if self._diverged:
             report["faults"] = (*outcome.faults, "the simulation diverged")

@@ -14,17 +14,19 @@ class Progress:
         self._stride = max(1, round(PATH_INTERVAL_S * rate_hz))
         self._count = 0
         self._length_m = 0.0
-        self._chord_start = self._last = (0.0, 0.0)
+        self._chord_start: list[float] = []  # x and y, m; empty before the first sample
+        self._last: list[float] = []
         self._velocity_sum = np.zeros(3)
 
-    def add(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """One sample: the base's position m, world frame, (3,), and its velocity m/s, body frame, (3,)."""
-        self._last = float(position[0]), float(position[1])
-        if self._count % self._stride == 0:
-            self._length_m += 0.0 if self._count == 0 else math.dist(self._chord_start, self._last)
-            self._chord_start = self._last
-        self._count += 1
-        self._velocity_sum += velocity
+    def add(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        """T samples: the base's positions m, world frame, (T, 3), and velocities m/s, body frame, (T, 3)."""
+        first = -self._count % self._stride
+        for corner in positions[first :: self._stride, :2].tolist():
+            self._length_m += math.dist(self._chord_start or corner, corner)
+            self._chord_start = corner
+        self._last = positions[-1, :2].tolist() if len(positions) else self._last
+        self._count += len(positions)
+        self._velocity_sum += np.add.reduce(velocities)
 
     @property
     def distance_m(self) -> float:
@@ -40,6 +42,5 @@ class Progress:
 def path_length(position: np.ndarray, rate_hz: float) -> float:
     """Length of a horizontal path, m, as `Progress` measures it, from positions (T, 3)."""
     progress = Progress(rate_hz)
-    for row in position:
-        progress.add(row, np.zeros(3))
+    progress.add(position, np.zeros_like(position))
     return progress.distance_m

@@ -4,7 +4,7 @@ Frames take effect, and readings are taken, at the nearest physics step.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from footfall.plant.energy import EnergyMeter, Power
 from footfall.plant.engines.choice import open_engine
 from footfall.plant.foot_sensors import SimulatedFootSensors
 from footfall.plant.ground import replaced_by
-from footfall.plant.ground_truth import GroundTruth, Truth
+from footfall.plant.ground_truth import GroundTruth, Snapshot, Truth
 from footfall.plant.holder import Support, holder
 from footfall.plant.imu_ends import SimulatedImu
 from footfall.plant.motor_ends.choice import open_motor_end
@@ -164,9 +164,17 @@ class SimulatedRobot:
         """The true state."""
         return self._ground_truth.truth(self._torque)
 
-    def fall(self) -> str | None:
-        """Why the robot counts as fallen, or None."""
-        return self._ground_truth.fall()
+    def snapshot(self) -> Snapshot:
+        """What the true state is computed from, later (`truths`)."""
+        return self._ground_truth.snapshot(self._torque)
+
+    def truths(self, snapshots: Sequence[Snapshot]) -> Truth:
+        """The true states of T snapshots: arrays (T, ...)."""
+        return self._ground_truth.truths(snapshots)
+
+    def fall(self, snapshot: Snapshot | None = None) -> str | None:
+        """Why the robot counts as fallen, or None: now, or in a snapshot."""
+        return self._ground_truth.fall(snapshot or self.snapshot())
 
     def diverged(self) -> bool:
         """Whether the simulation diverged."""
@@ -232,7 +240,7 @@ class SimulatedRobot:
             self._keep_still()
         else:
             self._engine.step()
-        after = self._qvel[joints].copy()
+        after = self._qvel[joints]
         self._energy.add(torque, velocity, after)
         if self.battery is not None:
             self.battery.add(torque, velocity, after)

@@ -1,6 +1,6 @@
 """The result of an episode, with samples of the walking phase at a fixed rate."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -37,57 +37,3 @@ class Trace(SessionResult):
     electrical_power: np.ndarray  # (T,) W, mean since the previous sample: shaft power and copper loss
     mechanical_power: np.ndarray  # (T,) W, mean
     positive_power: np.ndarray  # (T,) W, mean of each motor's power where it is positive
-
-
-@dataclass
-class Recorder:
-    """Collects samples, then stacks them into the arrays of a trace."""
-
-    joints: int
-    feet: int
-    nq: int
-    rows: dict[str, list] = field(default_factory=dict)
-
-    def add(self, **values: object) -> None:
-        for name, value in values.items():
-            self.rows.setdefault(name, []).append(value)
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        """All samples by name; empty arrays of the right width if there are none."""
-        if self.rows:
-            return {name: np.array(rows) for name, rows in self.rows.items()}
-        n, feet = self.joints, self.feet
-        widths: dict[str, tuple[int, ...]] = {
-            **dict.fromkeys(_SCALARS, ()),
-            **dict.fromkeys(_VECTORS, (3,)),
-            **dict.fromkeys(_JOINTS, (n,)),
-            "base_quaternion": (4,),
-            "foot_position": (feet, 3),
-            "foot_velocity": (feet, 3),
-            "foot_contact": (feet,),
-            "foot_force": (feet,),
-            "qpos": (self.nq,),
-        }
-        return {
-            name: np.zeros((0, *width), dtype=bool if name in _FLAGS else float)
-            for name, width in widths.items()
-        }
-
-
-_SCALARS = (
-    "time_s",
-    "estimated_height",
-    "electrical_power",
-    "mechanical_power",
-    "positive_power",
-    "legs_touch",
-)
-_FLAGS = frozenset({"foot_contact", "legs_touch"})
-_VECTORS = (
-    "command",
-    "base_position",
-    "base_velocity",
-    "base_angular_velocity",
-    "estimated_velocity",
-)
-_JOINTS = ("joint_position", "joint_velocity", "motor_torque", "joint_target")

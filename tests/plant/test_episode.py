@@ -1,5 +1,6 @@
 """A simulated trial: pushes, recording, falls, and the settings of an episode."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -28,20 +29,22 @@ class FakeBody:
         self.pushes: list[tuple[float, ...]] = []
         self.looks = 0
         self.reason: str | None = None
-        self.push, self.fall, self.diverged = self.pushes.append, lambda: self.reason, lambda: False
+        self.push, self.fall, self.diverged = self.pushes.append, lambda _: self.reason, lambda: False
         self.take_power = lambda: SimpleNamespace(electrical=3.0, mechanical=2.0, positive=2.5)
 
-    def truth(self) -> Any:
+    def snapshot(self) -> int:
         self.looks += 1
-        k = float(self.looks)
-        values = dict.fromkeys(Truth._fields, np.full(3, k)) | {
-            "base_position": np.array([0.25 * k, 0.0, 9.0]),
-            "base_velocity": np.array([k, 2 * k, 3 * k]),
-            "foot_position": np.full((1, 3), k),
-            "foot_contact": np.array([True]),
-            "legs_touch": k > 1,
-        }
-        return Truth(**values)
+        return self.looks
+
+    def truths(self, snapshots: Sequence[int]) -> Any:
+        k = np.array(snapshots, dtype=float)
+        return Truth(
+            **dict.fromkeys(Truth._fields, np.column_stack([k, k, k]))
+            | {
+                "base_position": np.column_stack([0.25 * k, 0.0 * k, 9.0 + 0.0 * k]),
+                "base_velocity": np.column_stack([k, 2 * k, 3 * k]),
+            }
+        )
 
 
 ENDED = {"final_state": "IDLE", "faults": (), "recoveries": (), "missing_in_log": ""}
@@ -105,6 +108,18 @@ def test_a_trial_records_at_the_record_rate_while_the_robot_walks(go1: Robot) ->
     assert trace.notes == ("a loop's note", "a plant's note")
     assert (trace.fell, trace.fall_reason, trace.final_state, trace.faults) == (False, "", "IDLE", ())
     loop.finish.assert_not_called()
+
+
+@pytest.mark.parametrize("record", [True, False])
+def test_every_sample_of_a_long_walk_counts_once(go1: Robot, record: bool) -> None:
+    trial, _, loop = trial_of(go1, record_rate_hz=500.0, record=record)
+    for tick in range(100):
+        loop.walking_s = 0.002 * tick
+        trial.tick(loop)
+    trace = trial.trace(OUTCOME)
+    np.testing.assert_array_equal(trace.base_velocity[:, 0], np.arange(1, 101) if record else [])
+    np.testing.assert_allclose(trace.mean_velocity, [50.5, 101.0, 151.5])
+    assert trace.distance_m == pytest.approx(99 * 0.25)
 
 
 def test_pushes_come_once_each_at_the_first_tick_of_their_time(go1: Robot) -> None:
