@@ -9,22 +9,29 @@ from typing import Any
 
 import numpy as np
 
+from footfall.common.arrays import library
+
 Array = Any  # a NumPy or a JAX array
 
 
 def rotation_matrix(quaternion: Array) -> Array:
     """Rotation (..., 3, 3) of a unit quaternion (..., 4): body to world."""
-    w, x, y, z = _components(quaternion)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
+    rows = rotation_rows(_components(quaternion))
     if isinstance(quaternion, np.ndarray) and quaternion.ndim == 1:
         return np.array([*rows[0], *rows[1], *rows[2]], quaternion.dtype).reshape(3, 3)  # faster than nested
     xp = quaternion.__array_namespace__()
     matrix = xp.asarray(rows, dtype=quaternion.dtype)
     return matrix if quaternion.ndim == 1 else xp.moveaxis(matrix, (0, 1), (-2, -1))
+
+
+def rotation_rows(quaternion: Sequence[Any]) -> list[list[Any]]:
+    """Rows of the rotation of a unit quaternion, both in components: plain numbers, or arrays."""
+    w, x, y, z = quaternion
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
 
 
 def rotate_to_body(quaternion: Array, vector: Array) -> Array:
@@ -48,7 +55,7 @@ def vertical_in_body(quaternion: np.ndarray) -> tuple[float, float, float]:
 
 def multiply(a: Array, b: Array) -> Array:
     """Product of two quaternions (..., 4): the rotation b, then a."""
-    return _stacked(a, _product(_components(a), _components(b)))
+    return _stacked(a, product(_components(a), _components(b)))
 
 
 def normalised(vector: Array) -> Array:
@@ -96,7 +103,7 @@ def shift_gravity(quaternion: Sequence[float], offset: Sequence[float]) -> list[
         h[2] * g[0] - h[0] * g[2],
         h[0] * g[1] - h[1] * g[0],
     ]
-    return _product(quaternion, _unit(turn))
+    return product(quaternion, _unit(turn))
 
 
 def heading(quaternion: Array) -> Array:
@@ -156,8 +163,8 @@ def _gravity(quaternion: Sequence[Any]) -> list[Any]:
     return [-2 * (x * z - w * y), -2 * (y * z + w * x), 2 * (x * x + y * y) - 1]
 
 
-def _product(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
-    """Product of two quaternions, from and in components."""
+def product(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
+    """Product of two quaternions, both in components: plain numbers, or arrays."""
     (aw, ax, ay, az), (bw, bx, by, bz) = a, b
     return [
         aw * bw - (ax * bx + ay * by + az * bz),
@@ -187,6 +194,6 @@ def _components(vector: Array) -> Sequence[Any]:
 
 def _stacked(like: Array, components: list[Any]) -> Array:
     """Vectors (..., k) from their components, with the library and dtype of `like`."""
-    xp = like.__array_namespace__()
+    xp = library(like)
     vectors = xp.asarray(components, dtype=like.dtype)
     return vectors if vectors.ndim == 1 else xp.moveaxis(vectors, 0, -1)

@@ -16,6 +16,8 @@ from footfall.robots.description import Robot
 from footfall.robots.targets import approach
 from footfall.robots.winding import at_temperature
 
+MAX_TORQUES = 100  # number of commands whose torques are kept for `take_torques`
+
 
 class JointLayer:
     """Soft position limits, target rate limit and torque clamp for commands; latest readings."""
@@ -54,9 +56,8 @@ class JointLayer:
         self._encodable = np.zeros((5, len(self._target)))  # within frames' ranges, with this tick's target
         self.sent = np.zeros_like(self._encodable)  # last command, before rounding in a frame
         self.sent_before = self.sent  # the command before
-        self._commanded_ticks = 0  # number of commands since `take_torque_range`
         self._possible_torque = np.zeros(len(self._target))  # torque of the last command, N m
-        self._min_torque = self._max_torque = self._possible_torque  # extreme torques of these commands
+        self._torques: list[np.ndarray] = []  # torques of the commands since `take_torques`
 
     # -- out -----------------------------------------------------------------------------------------
 
@@ -100,23 +101,18 @@ class JointLayer:
             self._encodable[0] = self._target
             self._arrived = not any_nonzero(self._target != self._goal)
         frames = self._send(self._clamped(self._encodable, self._weaker))
-        if self._commanded_ticks:
-            np.minimum(self._min_torque, self._possible_torque, out=self._min_torque)
-            np.maximum(self._max_torque, self._possible_torque, out=self._max_torque)
-        else:
-            self._min_torque, self._max_torque = self._possible_torque.copy(), self._possible_torque.copy()
-        self._commanded_ticks += 1
+        self._torques.append(self._possible_torque)
+        if len(self._torques) >= MAX_TORQUES:
+            self._torques = [np.minimum.reduce(self._torques), np.maximum.reduce(self._torques)]
         return frames
 
-    def take_torque_range(self) -> tuple[np.ndarray, np.ndarray]:
-        """Smallest torque commanded to each motor since the last call, and the negated largest one.
+    def take_torques(self) -> list[np.ndarray]:
+        """Torques of the commands since the last call, N m, (n,) each; of the last one if there was none.
 
-        Without a command since then, both are those of the last command. Two arrays (n,), N m.
+        Of more than `MAX_TORQUES` commands, only the smallest and the largest torques.
         """
-        if not self._commanded_ticks:
-            return self._possible_torque, -self._possible_torque
-        self._commanded_ticks = 0
-        return self._min_torque, -self._max_torque
+        torques, self._torques = self._torques or [self._possible_torque], []
+        return torques
 
     def damping(self, kd: float) -> Frames:
         """Frames that only damp the joints, kd in N m s/rad, within the motors' limits."""

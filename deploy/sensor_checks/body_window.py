@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from operator import mul
 from typing import NamedTuple
 
 import numpy as np
 
-from footfall.common.rotations import multiply, rotation_matrix
+from footfall.common.rotations import product, rotation_rows
 from footfall.deploy.drivers.imu import Inertial
-
-CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 class BodyReadings(NamedTuple):
@@ -42,21 +41,24 @@ class BodyWindow(NamedTuple):
 
 
 def body_window(readings: BodyReadings, on_legs: bool) -> BodyWindow:
-    """Window of these readings."""
-    last = readings.inertials[-1]
-    quaternion = np.array(last.quaternion)
+    """Window of these readings.
+
+    Computed in Python floats, which take half of the time of short arrays.
+    """
+    quaternion = readings.inertials[-1].quaternion
+    w, x, y, z = readings.before.quaternion
     gyro, acceleration = (
         [sum(values) / len(readings.inertials) for values in zip(*parts, strict=True)]
         for parts in list(zip(*readings.inertials, strict=True))[:2]
     )
-    to_world = rotation_matrix(quaternion)
+    to_world = rotation_rows(quaternion)
     return BodyWindow(
         readings,
         on_legs,
         gyro,
-        (to_world @ acceleration).tolist(),
-        to_world[2],
-        _rotation_vector(multiply(CONJUGATE * readings.before.quaternion, quaternion).tolist()),
+        [sum(map(mul, row, acceleration)) for row in to_world],
+        np.array(to_world[2]),
+        _rotation_vector(product((w, -x, -y, -z), quaternion)),
         _gyro_turn(readings, gyro),
     )
 

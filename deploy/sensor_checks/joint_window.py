@@ -5,11 +5,12 @@ single spikes.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from footfall.common.arrays import clamped
+from footfall.common.arrays import any_nonzero, clamped
 from footfall.deploy.drivers.imu import Inertial
 from footfall.robots.actuator import JointCommand, pd_torque
 
@@ -38,6 +39,7 @@ class JointWindow(NamedTuple):
     elapsed_s: float
     joints: np.ndarray  # (3, n) last reading: position rad, velocity rad/s, torque N m
     repeated: np.ndarray  # (3, n) whether each reading of the window equals the previous one
+    any_repeated: bool  # whether any does: the checks of repeated readings then have nothing to do
     travel: np.ndarray  # rad, integral of the velocities
     position_error: np.ndarray  # rad, change of the position minus the travel
     late_s: np.ndarray  # difference between the ages of the oldest and the youngest reading
@@ -56,7 +58,8 @@ class JointWindow(NamedTuple):
     commanded_mean: np.ndarray  # mean torque from the last command at each reading, N m
     gains: np.ndarray  # (2, n) stiffness and damping of the last command, N m/rad, N m s/rad
     torques: np.ndarray  # (k, n) each reported torque, N m
-    commanded: np.ndarray  # (2, k, n) smallest and negated largest torque commanded before each report, N m
+    commanded: np.ndarray  # (m, n) each torque commanded between these reports, N m
+    first_commanded: list[int]  # (k,) row of the first of them since the report before each report
     temperature_c: np.ndarray  # NaN if not reported
     voltage: np.ndarray  # supply voltage of the motors, V; NaN if not reported
 
@@ -68,12 +71,14 @@ def single_reading(joints: np.ndarray, temperature_c: np.ndarray, voltage: np.nd
         0.0,
         joints,
         np.zeros(joints.shape, bool),
+        False,
         *(none,) * 14,
         np.zeros(joints.shape),
         none,
         np.zeros((2, len(none))),
         none[None],
-        np.zeros((2, 1, joints.shape[1])),
+        none[None],
+        [0],
         temperature_c,
         voltage,
     )
@@ -88,8 +93,8 @@ class _Readings:
         self.gap = False
         self.added_us: list[int] = []
         self.joints, self.arrived_us = [joints], [arrived_us]
-        self.smallest: list[np.ndarray] = []  # smallest commanded torque, and minus the largest
-        self.minus_largest: list[np.ndarray] = []
+        self.commanded: list[np.ndarray] = []  # torques of all commands
+        self.first_commanded: list[int] = []  # index of the first of them for each reading
         self.sent: list[np.ndarray] = []  # last command at each reading, and the one before
         self.sent_before: list[np.ndarray] = []
         self.inertials: list[Inertial] = []
@@ -133,7 +138,7 @@ class JointWindows:
         joints: np.ndarray,
         sent: np.ndarray,
         sent_before: np.ndarray,
-        commanded: tuple[np.ndarray, np.ndarray],
+        commanded: Sequence[np.ndarray],
     ) -> bool:
         """Add one tick's readings; returns whether the window is full.
 
@@ -146,19 +151,17 @@ class JointWindows:
             joints: (3, n) reported position rad, velocity rad/s, torque N m.
             sent: (5, n) last command, rows as in `JointCommand`.
             sent_before: (5, n) the command before.
-            commanded: smallest torque of all commands since the last call, and minus the largest, N m,
-                (n,) each.
+            commanded: torques of all commands since the last call, at least one, N m, (n,) each.
         """
         readings = self._readings
         if silence_us > self._gap_us or now_us - self._added_us > self._gap_us:
             readings.gap = True
         self._added_us = now_us
-        smallest, minus_largest = commanded
         readings.added_us.append(now_us)
         readings.arrived_us.append(arrived_us.copy())
         readings.joints.append(joints)
-        readings.smallest.append(smallest)
-        readings.minus_largest.append(minus_largest)
+        readings.first_commanded.append(len(readings.commanded))
+        readings.commanded += commanded
         readings.sent.append(sent)
         readings.sent_before.append(sent_before)
         readings.inertials.append(inertial)
@@ -208,10 +211,12 @@ class JointWindows:
         expected = np.add.reduce(_expected(torques)) / count
         speed, late_s = np.abs(mean[1]), 1e-6 * self._late_us(arrived_us[1:])
         uncertainty = stiffness * (limits.reading_rad + limits.lag_s * speed)
+        repeated = np.logical_and.reduce(new == joints[:-1])
         return JointWindow(
             elapsed_s=elapsed_s,
             joints=readings.joints[-1],
-            repeated=np.logical_and.reduce(new == joints[:-1]),
+            repeated=repeated,
+            any_repeated=any_nonzero(repeated),
             travel=travel[-1],
             position_error=position_error,
             late_s=late_s,
@@ -230,7 +235,8 @@ class JointWindows:
             commanded_mean=np.add.reduce(torques[1]) / count,
             gains=readings.sent[-1][2:4],
             torques=new[:, 2],
-            commanded=np.array((readings.smallest, readings.minus_largest)),
+            commanded=np.array(readings.commanded),
+            first_commanded=readings.first_commanded,
             temperature_c=temperature_c,
             voltage=voltage,
         )

@@ -133,7 +133,7 @@ class SensorMonitor:
             joints.joints,
             joints.sent,
             joints.sent_before,
-            joints.take_torque_range(),
+            joints.take_torques(),
         ):
             return None
         fast = float(np.abs(joints.joints[1]).max()) > self._moving_rad_s
@@ -165,7 +165,7 @@ class SensorMonitor:
         joints: np.ndarray,
         sent: np.ndarray,
         sent_before: np.ndarray,
-        commanded: tuple[np.ndarray, np.ndarray],
+        commanded: Sequence[np.ndarray],
     ) -> bool:
         """Add readings to the window; returns whether it is full (see `JointWindows.add`)."""
         return self._windows.add(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from footfall.common.arrays import clamped
+from footfall.common.arrays import any_nonzero, clamped
 from footfall.common.config import require_between
 from footfall.common.errors import UserError
 from footfall.deploy.sensor_checks.check import JointCheck, Limit
@@ -66,10 +66,12 @@ class NoTorque(JointCheck):
         self._no_torque_s = np.zeros(self._n)
 
     def measure(self, window: JointWindow) -> np.ndarray:
+        little = window.strongest <= self._little
+        if not any_nonzero(little):
+            self.reset()
+            return self._no_torque_s
         expected = clamped((window.certain - self._hidden) / self._span, 0.0, 1.0)
-        self._no_torque_s = (window.strongest <= self._little) * (
-            self._no_torque_s + window.elapsed_s * expected
-        )
+        self._no_torque_s = little * (self._no_torque_s + window.elapsed_s * expected)
         return self._no_torque_s
 
 
@@ -124,9 +126,13 @@ class TorqueStuck(JointCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._share, self._before, self._at_start = np.zeros((3, self._n))  # expected torques in N m
+        self._zeros = np.zeros(self._n)
+        self._share = self._before = self._at_start = self._zeros  # expected torques in N m
 
     def measure(self, window: JointWindow) -> np.ndarray:
+        if not window.any_repeated:
+            self._share, self._before, self._at_start = self._zeros, window.expected, window.expected
+            return self._zeros
         repeats = window.repeated[2] & (window.strongest < self._full)
         change = np.abs(self._before - self._at_start)
         change = np.minimum(change, np.abs(self._before - window.torque))
@@ -155,10 +161,15 @@ class ReplyRepeated(JointCheck):
         self.reset()
 
     def reset(self) -> None:
-        self._travel, self._before, self._at_start = np.zeros((3, self._n))  # rad, and expected N m
-        self._repeated = np.zeros(self._n, bool)  # in the previous window
+        self._zeros, self._none = np.zeros(self._n), np.zeros(self._n, bool)
+        self._travel = self._before = self._at_start = self._zeros  # rad, and expected N m
+        self._repeated = self._none  # in the previous window
 
     def measure(self, window: JointWindow) -> np.ndarray:
+        if not window.any_repeated:
+            self._travel, self._before, self._at_start = self._zeros, window.expected, window.expected
+            self._repeated = self._none
+            return self._zeros
         position, velocity, torque = window.repeated
         repeats = position & velocity & torque
         self._at_start = np.where(repeats & self._repeated, self._at_start, window.expected)

@@ -74,7 +74,6 @@ class _SignedTravel(JointCheck):
     """Sum of the signed errors, minus the effect of late velocities, rad."""
 
     memory: ClassVar[str] = "drift_memory_s"  # field of `TravelLimits`
-    max_rad_s = math.inf  # limit of the rate of an error
 
     def __init__(self, robot: Robot, limits: TravelLimits, sample_s: float) -> None:
         self._n, self._memory_s = len(robot.joint_names), getattr(limits, self.memory)
@@ -83,21 +82,15 @@ class _SignedTravel(JointCheck):
     def reset(self) -> None:
         self._error = np.zeros(self._n)  # rad; decays
 
-    def _updated(
-        self, window: JointWindow, running: np.ndarray | float = 1.0, used: np.ndarray | float = 1.0
-    ) -> np.ndarray:
-        """Sum after another window.
+    def _updated(self, window: JointWindow, error: np.ndarray) -> np.ndarray:
+        """Sum after another window with this error, rad, (n,)."""
+        self._error = self._kept(window) * self._error + error
+        total: np.ndarray = np.abs(self._error) - window.late_travel
+        return total
 
-        Args:
-            window: the window.
-            running: 0 to restart the sum, (n,).
-            used: 0 to ignore the window, (n,).
-        """
-        kept = math.exp(-window.elapsed_s / self._memory_s)
-        bound = self.max_rad_s * window.elapsed_s
-        self._error = running * (kept * self._error + used * clamped(window.position_error, -bound, bound))
-        error: np.ndarray = np.abs(self._error) - window.late_travel
-        return error
+    def _kept(self, window: JointWindow) -> float:
+        """Remaining share of the sum before the window."""
+        return math.exp(-window.elapsed_s / self._memory_s)
 
 
 class Wander(_SignedTravel):
@@ -108,7 +101,7 @@ class Wander(_SignedTravel):
     limit = Limit("wander_rad")
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        return self._updated(window)
+        return self._updated(window, window.position_error)
 
 
 class Creep(_SignedTravel):
@@ -122,7 +115,6 @@ class Creep(_SignedTravel):
     """
 
     memory = "creep_memory_s"
-    max_rad_s = CREEP_RAD_S
     quantity = "signed sum of these errors over seconds: an encoder drifts slowly"
     message = "its position has crept by {0:.2f} rad against its velocity"
     limit = Limit("creep_rad")
@@ -142,10 +134,11 @@ class Creep(_SignedTravel):
     def measure(self, window: JointWindow) -> np.ndarray:
         self._rest_s = np.where(window.speed > self._min_rad_s, 0.0, self._rest_s + window.elapsed_s)
         used = (self._rest_s < REST_S) & (window.late_s < 0.5 * IMPACT_S)
-        kept = math.exp(-window.elapsed_s / self._memory_s)
-        self._jolts = kept * self._jolts + used * window.jolts
-        error = self._updated(window, used=used) - self._uncertain_s * self._jolts
-        return self._trusted_share * error
+        self._jolts = self._kept(window) * self._jolts + used * window.jolts
+        bound = CREEP_RAD_S * window.elapsed_s
+        total = self._updated(window, used * clamped(window.position_error, -bound, bound))
+        total -= self._uncertain_s * self._jolts
+        return total if self._trusted_share == 1.0 else self._trusted_share * total
 
 
 class Stuck(_SignedTravel):
@@ -156,5 +149,10 @@ class Stuck(_SignedTravel):
     limit = Limit("stuck_rad")
 
     def measure(self, window: JointWindow) -> np.ndarray:
+        if not window.any_repeated:
+            self.reset()
+            return -window.late_travel
         position, velocity, _ = window.repeated
-        return self._updated(window, position | velocity)
+        repeated = position | velocity
+        self._error = repeated * self._error
+        return self._updated(window, repeated * window.position_error)

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from footfall.common.arrays import any_nonzero
 from footfall.common.config import require_between
 from footfall.deploy.sensor_checks.check import JointCheck, Limit
 from footfall.deploy.sensor_checks.joint_window import JointWindow
 from footfall.deploy.sensor_checks.torque import TorqueLimits
 from footfall.robots.description import Robot
 
-WINDOWS_PER_SHARE = 2  # a motor that ignores commands does so for long, and this check is slow
+WINDOWS_PER_SHARE = 4  # a motor that ignores commands does so for long, and this check is slow
 
 
 @dataclass(frozen=True)
@@ -57,33 +58,44 @@ class Unexplained(JointCheck):
     def __init__(self, robot: Robot, limits: Limits, sample_s: float) -> None:
         self._n, self._limits, self._peak = len(robot.joint_names), limits, robot.motor.peak_torque
         self._hidden = limits.torque_hidden * self._peak
-        self._samples = 1 + math.ceil(limits.explained_s / sample_s)
+        self._samples = 1 + math.ceil(limits.explained_s / sample_s)  # number of ranges that explain a report
         self.reset()
 
     def reset(self) -> None:
         self._value = np.zeros(self._n)
-        self._commanded: np.ndarray | None = None  # last columns of the earlier `window.commanded`
-
-    def _beyond(self, window: JointWindow) -> np.ndarray:
-        """Torque of each report beyond the explained range, N m, (samples, n); negative if explained."""
-        before = self._commanded
-        if before is None:
-            before = np.repeat(window.commanded[:, :1], self._samples - 1, axis=1)
-        commanded = np.concatenate((before, window.commanded), axis=1)
-        self._commanded = commanded[:, 1 - self._samples :]
-        smallest, minus_largest = _smallest_of_last(commanded, self._samples)
-        lacking = self._limits.strength_share * np.minimum(np.minimum(smallest, minus_largest), 0.0)
-        beyond: np.ndarray = np.maximum(window.torques + minus_largest, smallest - window.torques)
-        beyond += lacking
-        beyond -= self._hidden + window.uncertainty
-        return beyond
+        self._windows = deque[JointWindow](maxlen=self._samples)
 
     def measure(self, window: JointWindow) -> np.ndarray:
-        beyond, kept = self._beyond(window), math.exp(-window.elapsed_s / self._limits.unexplained_memory_s)
+        kept = math.exp(-window.elapsed_s / self._limits.unexplained_memory_s)
         self._value = kept * self._value
-        if np.maximum.reduce(beyond, axis=None) > 0.0:
-            self._value += (1.0 - kept) * np.maximum(beyond, 0.0).mean(axis=0) / self._peak
+        self._windows.append(window)
+        tolerance = self._hidden + window.uncertainty
+        # Nearly every report is close to one command. Then the ranges, which take longer, are not needed.
+        if any_nonzero(np.abs(window.torques - window.commanded[window.first_commanded]) > tolerance):
+            beyond = np.maximum(self._beyond(window.torques) - tolerance, 0.0)
+            self._value += (1.0 - kept) * beyond.mean(axis=0) / self._peak
         return self._value
+
+    def _beyond(self, torques: np.ndarray) -> np.ndarray:
+        """Torque of each report (k, n) beyond the explained range, N m, (k, n); negative if explained."""
+        columns = self._samples - 1 + len(torques)
+        ranges = _ranges(self._windows[-1])
+        for window in list(self._windows)[-2::-1]:
+            if ranges.shape[1] >= columns:
+                break
+            ranges = np.concatenate((_ranges(window), ranges), axis=1)
+        missing = max(columns - ranges.shape[1], 0)  # at first
+        ranges = np.concatenate((np.repeat(ranges[:, :1], missing, axis=1), ranges), axis=1)
+        smallest, minus_largest = _smallest_of_last(ranges[:, -columns:], self._samples)
+        lacking = self._limits.strength_share * np.minimum(np.minimum(smallest, minus_largest), 0.0)
+        beyond: np.ndarray = np.maximum(torques + minus_largest, smallest - torques) + lacking
+        return beyond
+
+
+def _ranges(window: JointWindow) -> np.ndarray:
+    """Smallest and negated largest torque commanded before each report of a window, N m, (2, k, n)."""
+    commanded, first = window.commanded, window.first_commanded
+    return np.array((np.minimum.reduceat(commanded, first), -np.maximum.reduceat(commanded, first)))
 
 
 class CommandsIgnored(JointCheck):

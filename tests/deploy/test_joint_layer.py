@@ -79,6 +79,16 @@ class TestCommands:
             moved = np.clip(away, -0.12 * tick, 0.12 * tick)
             np.testing.assert_allclose(layer.target - start, moved, atol=1e-12)
 
+    def test_torques_are_taken_once_and_only_extremes_of_many_are_kept(
+        self, go1: Robot, layer: JointLayer
+    ) -> None:
+        for torque in range(500):
+            layer.command(JointCommand(go1.default_pose, *np.zeros((3, 12)), np.full(12, 0.01 * torque)))
+        torques = layer.take_torques()
+        assert len(torques) <= 100
+        np.testing.assert_allclose([np.min(torques), np.max(torques)], [0.0, 4.99], atol=1e-12)
+        np.testing.assert_allclose(layer.take_torques(), [torques[-1]])
+
     def test_a_scale_lowers_gains_and_torque_but_not_damping(self, go1: Robot) -> None:
         """Joints rest at zero. Gains are halved; torques are at most half the peak of 23.7 and 35.55 N m."""
         driver, imu = open_driver(wiring_of(go1)), open_imu(wiring_of(go1))

@@ -146,6 +146,21 @@ class TestTorques:
             value = measured(go1, ReplyRepeated, lambda _: (0.0, 0.0), torque, samples, stiffness, leap)
             assert value[0] == pytest.approx(expected)
 
+    def test_a_joint_is_judged_alike_whether_or_not_another_one_is_stuck(self, go1: Robot) -> None:
+        """Joint 0 repeats one reading in each second group of four windows, joint 5 never or always."""
+        checks, values = (Stuck, NoTorque, TorqueStuck, ReplyRepeated), []
+        joints = np.random.default_rng(3).normal(size=(400, 3, 12))
+        joints[np.arange(400) // 40 % 2 == 1, :, 0] = 0.1
+        for _ in range(2):
+            result, found = JointReadings(go1, *checks), []
+            for k, each in enumerate(joints, 1):
+                if result.add(k * SAMPLE_US, each, None, 5.0 * np.sin(0.1 * k), 5.0, 0.01 * k):
+                    found.append(result.values[:, 0])
+            values.append(found)
+            joints[:, :, 5] = 0.0
+        assert (np.max(values[0], axis=0) > 0.0).all()
+        np.testing.assert_allclose(values[0], values[1])
+
     def test_a_motor_that_drops_out_intermittently_is_noticed(self, go1: Robot) -> None:
         """It has no current for a time in each 200 ms. A motor that is weak or reports late is explained."""
 

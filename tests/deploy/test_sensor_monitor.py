@@ -27,7 +27,7 @@ VELOCITY, TORQUE, TEMPERATURE, VOLTAGE = range(1, 5)  # rows of readings, after 
 CALF = 2  # FR_calf_joint (can0, id 3): 35.55 N m, 20.06 rad/s
 WIDE_LIMITS = SensorLimits(drift_rad=6.0, wander_rad=6.0, creep_rad=6.0, stuck_rad=6.0, unexplained=10.0)
 ZEROS, NAN = np.zeros(12), np.full((2, 12), math.nan)
-NOTHING_SENT = np.zeros((5, 12)), np.zeros((5, 12)), (ZEROS, ZEROS)
+NOTHING_SENT = np.zeros((5, 12)), np.zeros((5, 12)), [ZEROS]
 
 
 def monitor_of(robot: Robot, **checks: object) -> SensorMonitor:

@@ -56,7 +56,7 @@ class JointReadings:
         if sent is None:
             sent = np.zeros((5, self.n))
             sent[4] = expected
-        if not self.windows.add(now_us, 0, arrived_us, STILL, joints, sent, sent, (expected, -expected)):
+        if not self.windows.add(now_us, 0, arrived_us, STILL, joints, sent, sent, [expected]):
             return False
         zeros = self.zeros
         window = self.windows.close(zeros + stiffness, zeros + target, zeros, zeros)
