@@ -40,7 +40,7 @@ class Drivetrain:
         winding: Winding | None,
         net: ActuatorNet | None,
     ) -> None:
-        self._motor = randomised_motor(motor, sample)
+        self._motor = _without_unit_strength(randomised_motor(motor, sample))
         self._lag = None if self._motor.lag_s is None else lag_over(self._motor.lag_s, step_s)
         self._winding, self._step_s = randomised_winding(winding, sample), step_s
         self.winding_c = None if self._winding is None else np.array(self._winding.start_c)
@@ -87,8 +87,14 @@ class Drivetrain:
 
     def weaken(self, strength: np.ndarray) -> None:
         """Scale the delivered torque of each motor from now on, (n,)."""
-        self._motor = self._motor._replace(strength=self._motor.strength * strength)
+        before = 1.0 if self._motor.strength is None else self._motor.strength
+        self._motor = self._motor._replace(strength=before * strength)
 
     def sag(self, share: float) -> None:
         """Scale the supply voltage by `share` (see `at_supply`)."""
         self._motor = at_supply(self._motor, share)
+
+
+def _without_unit_strength(motor: Motor) -> Motor:
+    """The motor, with `strength` None if it is 1: multiplying by it would take time at each physics step."""
+    return motor._replace(strength=None) if np.all(motor.strength == 1.0) else motor

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from footfall.common.arrays import library
 from footfall.policies.contract import Contract
 from footfall.policies.gaits import planned_lift
 from footfall.policies.observation import moving
@@ -18,7 +19,7 @@ def gait_reference(phase: Array, command: Array, contract: Contract) -> Array:
         command: velocity command, shape (..., 3).
         contract: contract with the gait.
     """
-    xp = phase.__array_namespace__()
+    xp = library(phase)
     if contract.gait is None or not any(contract.gait.amplitude_rad):
         return xp.zeros((*phase.shape[:-1], len(contract.joints)), dtype=phase.dtype)
     offsets = xp.asarray(contract.gait.phase, dtype=phase.dtype)
@@ -29,7 +30,7 @@ def gait_reference(phase: Array, command: Array, contract: Contract) -> Array:
 
 def joint_target(action: Array, phase: Array, command: Array, contract: Contract) -> Array:
     """Position targets for an action, rad, shape (..., n): default pose + reference + scaled action."""
-    xp = action.__array_namespace__()
+    xp = library(action)
     default = xp.asarray(contract.default_pose_rad, dtype=action.dtype)
     scale = xp.asarray(contract.action_scale_rad, dtype=action.dtype)
     return default + gait_reference(phase, command, contract) + scale * action

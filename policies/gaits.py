@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from footfall.common.arrays import library
 from footfall.common.config import read_yaml, require_between, structure
 from footfall.common.errors import UserError
 from footfall.robots.description import Robot
@@ -97,7 +98,7 @@ def planned_lift(clock: Array, phase: Array, duty: float) -> Array:
         phase: (feet,) or (joints,) phase at clock 0, an array of the same library.
         duty: share of the cycle in stance.
     """
-    xp = clock.__array_namespace__()
+    xp = library(clock)
     progress = (clock + phase) % 1.0 / (1.0 - duty)  # of the swing; above 1 in stance
     return xp.where(progress < 1.0, xp.sin(xp.pi * progress), xp.zeros_like(progress))
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from footfall.common.arrays import library
 from footfall.common.errors import UserError
 from footfall.common.outside import find, is_import_path
 from footfall.common.terms import bind
@@ -27,9 +28,8 @@ class Inputs(NamedTuple):
 
 def moving(command: Array, contract: Contract) -> Array:
     """1.0 if the command asks for motion, 0.0 for standing, shape (..., 1)."""
-    xp = command.__array_namespace__()
-    norm = xp.sqrt(xp.sum(command * command, axis=-1, keepdims=True))
-    return xp.astype(norm >= contract.standing_command, command.dtype)
+    norm = library(command).sqrt((command * command).sum(axis=-1, keepdims=True))
+    return (norm >= contract.standing_command).astype(command.dtype)
 
 
 class ObservationTerm(NamedTuple):
@@ -61,7 +61,7 @@ def reading_term(name: str) -> ObservationTerm:
 @observation_term(kinds.CLOCK)
 def clock(inputs: Inputs, contract: Contract) -> Array:
     """Sine and cosine of the gait clock; zeros during a command to stand."""
-    xp = inputs.phase.__array_namespace__()
+    xp = library(inputs.phase)
     angle = 2 * xp.pi * inputs.phase
     walk = moving(inputs.command, contract)
     return xp.concat([xp.sin(angle) * walk, xp.cos(angle) * walk], axis=-1)
@@ -71,8 +71,7 @@ def clock(inputs: Inputs, contract: Contract) -> Array:
 def joint_position(inputs: Inputs, contract: Contract) -> Array:
     """Joint positions minus the default pose, rad."""
     position = inputs.readings["joint_position"]
-    xp = position.__array_namespace__()
-    return position - xp.asarray(contract.default_pose_rad, dtype=position.dtype)
+    return position - library(position).asarray(contract.default_pose_rad, dtype=position.dtype)
 
 
 @observation_term(kinds.COMMAND)
@@ -159,15 +158,14 @@ def step_values(
         contract: contract of the policy.
         sources: `term_sources` of the contract, if already known: finding a term takes time.
     """
-    xp = inputs.command.__array_namespace__()
+    xp = library(inputs.command)
     pairs = zip(contract.observation, sources or term_sources(contract), strict=True)
     return xp.concat([source(inputs, contract) * term.scale for term, source in pairs], axis=-1)
 
 
 def push_history(history: Array, newest: Array) -> Array:
     """Append the newest values to the history, and drop the oldest. Shapes (..., history, size_per_step)."""
-    xp = history.__array_namespace__()
-    return xp.concat([history[..., 1:, :], newest[..., None, :]], axis=-2)
+    return library(history).concat([history[..., 1:, :], newest[..., None, :]], axis=-2)
 
 
 def observation(history: Array, contract: Contract) -> Array:

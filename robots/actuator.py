@@ -38,7 +38,7 @@ class Motor(NamedTuple):
     friction: Array  # N m, Coulomb friction when fully developed
     friction_speed: Array  # rad/s at which Coulomb friction is fully developed
     damping: Array  # N m s/rad, viscous
-    strength: Array  # delivered torque over commanded torque; 1 for a nominal motor
+    strength: Array | None  # delivered torque over commanded torque; 1 or None for a nominal motor
     lag_s: Array | None = None  # time constant of the torque, a first-order lag; 0: no lag
     stribeck: Array | None = None  # N m, friction at rest beyond Coulomb friction
     # rad/s, speed at which half of `stribeck` remains; None: STRIBECK_RAMPS friction speeds
@@ -185,8 +185,13 @@ def _demand(command: JointCommand, position: Array, velocity: Array, motor: Moto
 def _requested(command: JointCommand, position: Array, velocity: Array, motor: Motor) -> Array:
     """Torque that the PD law demands through the gearbox, N m."""
     if motor.backlash is None and motor.compliance is None:
-        return pd_torque(command, position, velocity) * motor.strength
-    return _through_gear(command, position, velocity, motor) * motor.strength
+        return _delivered_share(pd_torque(command, position, velocity), motor)
+    return _delivered_share(_through_gear(command, position, velocity, motor), motor)
+
+
+def _delivered_share(requested: Array, motor: Motor) -> Array:
+    """The part of a torque or a damping that the motor delivers."""
+    return requested if motor.strength is None else requested * motor.strength
 
 
 def _duty(torque_demand: Array, motor: Motor) -> Array:
@@ -277,7 +282,7 @@ def joint_damping(
     limit = xp.where(torque_demand > upper, upper, lower)
     line = motor.stall_torque / motor.no_load_speed
     limit_damping = xp.where(xp.abs(limit) < motor.peak_torque, line, 0.0)
-    demand_damping = _engaged_damping(command, position, motor) * motor.strength
+    demand_damping = _delivered_share(_engaged_damping(command, position, motor), motor)
     if motor.voltage_gain is not None:
         gain, duty = motor.voltage_gain, _duty(_requested(command, position, velocity, motor), motor)
         slope = xp.where(xp.abs(duty) < 1.0, demand_damping * gain, 0.0) + line

@@ -11,6 +11,7 @@ from footfall.deploy.drivers.driver import Motors
 from footfall.deploy.frames import Frames
 from footfall.domain_rand.sample import Sample
 from footfall.envs.physics.interface import Drive, joint_effort
+from footfall.plant.drivetrain import Drivetrain
 from footfall.plant.motor_ends.motor_end import Report, Request, Requests
 from footfall.plant.motors import SimulatedMotors
 from footfall.robots.actuator import JointCommand, friction_torque, motor_torque
@@ -76,6 +77,17 @@ class TestMotors:
         np.testing.assert_allclose(stand.torque(1), torque_of(expected))
         friction = stand.motors.drivetrain.friction(VELOCITY, np.zeros(3))
         np.testing.assert_allclose(friction, friction_torque(VELOCITY, MOTOR))
+
+    def test_each_weakening_adds_to_those_before(self) -> None:
+        nominal = MOTOR._replace(strength=np.ones(3))
+        drivetrain = Drivetrain(nominal, 3, Sample(), 0.001, winding=None, net=None)
+        for strength, total in ((0.5, 0.5), (0.8, 0.4)):
+            drivetrain.weaken(np.full(3, strength))
+            expected = motor_torque(
+                JointCommand(*VALUES), POSITION, VELOCITY, nominal._replace(strength=total)
+            )
+            found = drivetrain.demand(JointCommand(*VALUES), POSITION, VELOCITY)
+            np.testing.assert_allclose(found, expected)
 
     def test_a_learned_part_of_the_law_acts_as_in_training(self) -> None:
         """The steps are so long that the memory has an effect."""
