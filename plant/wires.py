@@ -182,6 +182,8 @@ class SimulatedWires:
         begin_us = math.inf
         for side, waiting in ((Side.HOST, host_frames), (Side.ROBOT, other_nodes)):
             for batch in self._in_transit[side]:
+                if batch.last <= now_us:  # all its frames have arrived
+                    continue
                 if batch.bits is _NOT_KNOWN:
                     batch.bits = bits_of(batch.frames)
                 start = batch.arrival - batch.bits

@@ -24,6 +24,9 @@ class OnStand(Simulation):
         super().__init__(robot, motor_timeout_s=None)
         self.clock = LockstepClock(PERIOD_US)
 
+    def scan(self) -> set[FoundMotor]:
+        return scan(self.bus, self.wiring, LockstepClock(10_000))
+
     def bench(self, wiring: Wiring | None = None) -> Bench:
         return Bench(wiring or self.wiring, self.bus, self.clock)
 
@@ -136,13 +139,13 @@ class TestScan:
         wiring = stand.wiring
         motors = zip(wiring.channel.tolist(), wiring.motor_id.tolist(), wiring.models, strict=True)
         addresses = {FoundMotor(bus, motor, makers.get(model, "MIT mode")) for bus, motor, model in motors}
-        assert scan(stand.bus, stand.wiring, stand.clock) == addresses == set(expected(stand.wiring))
+        assert stand.scan() == addresses == set(expected(stand.wiring))
         assert not stand.body.motors_on.any()
 
     def test_no_probe_has_an_identifier_of_an_odrive(self, go1: Robot) -> None:
         """An ODrive with id 1 uses 0x020 to 0x03f: the frame that disables MIT motor 0x36 restarts it."""
         stand = OnStand(with_motors(go1, hip="ODrive", knee="ODrive"))
-        scan(stand.bus, stand.wiring, stand.clock)
+        stand.scan()
         sent = np.concatenate([frames.id for frames in stand.sent])
         assert set(sent[sent < EXTENDED].tolist()) == set(range(0x01, 0x20))
 

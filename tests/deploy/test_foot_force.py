@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from changed_robots import with_foot_sensors
+from deploy_policies import short_episode
 from edited import content_of
 from refused import refusal_of
 from some_motors import frame
 
-from footfall import Episode, Robot, Trace, load_policy, load_robot, run_episode
+from footfall import Robot, Trace, load_policy, load_robot, run_episode
+from footfall.deploy.config import DeployConfig
 from footfall.deploy.drivers import foot_force
 from footfall.deploy.drivers.choice import filters_of, open_driver
 from footfall.deploy.drivers.foot_force import FootForceReader
@@ -52,8 +54,8 @@ class TestFrames:
 
 def walk(robot: Robot, duration_s: float = 1.2, watch: Any = None, **settings: Any) -> Trace:
     """A walk of mpc, which uses the estimate."""
-    episode = Episode(lambda _: np.array([0.3, 0.0, 0.0]), duration_s, **settings)
-    return run_episode(robot, load_policy("mpc", robot), episode, watch)
+    ahead = {"command_source": lambda _: np.array([0.3, 0.0, 0.0]), "duration_s": duration_s}
+    return run_episode(robot, load_policy("mpc", robot), short_episode(**ahead, **settings), watch)
 
 
 def test_bad_declarations_are_refused(own_folder: Path, go1: Robot) -> None:
@@ -94,10 +96,10 @@ class TestWalk:
             "foot_force_offset_n": np.array([0.0, 0.0, 10.0, 0.0]),
             "foot_force_noise_n": np.array([0.0, 0.0, 0.0, 5.0]),
         }
-        trace = walk(SENSING, 0.4, sample=sample, log=log)
+        trace = walk(SENSING, 0.2, sample=sample, log=log, config=DeployConfig(stand_s=0.8))
         assert not trace.notes
         time_s, logged = read_columns(log).column("/foot_forces", 4)
-        still = logged[(time_s > 0.5) & (time_s < 0.9)]
+        still = logged[(time_s > 0.5) & (time_s < 0.8)]
         mean, spread = still.mean(axis=0), still.std(axis=0)
         even = 9.81 * SENSING.legs.mass / 4
         np.testing.assert_allclose(mean, [even, 1.2 * even, even + 10.0, even], atol=6.0)

@@ -7,7 +7,7 @@ from deploy_policies import Hold, short_episode
 from direct_plant import DirectPlant, walk
 from scipy.spatial.transform import Rotation
 
-from footfall import Episode, Push, Robot, load_policy, run_episode
+from footfall import Push, Robot, load_policy, run_episode
 from footfall.common.constants import GRAVITY_M_S2
 from footfall.common.rotations import rotation_matrix
 from footfall.deploy.estimation.attitude import attitude_at_rest, leveled
@@ -91,7 +91,7 @@ class TestFilter:
                 up = rotation_matrix(loop.sensed.quaternion)[2]
                 errors.append(np.linalg.norm(up - rotation_matrix(body.truth().base_quaternion)[2]))
 
-        episode = Episode(
+        episode = short_episode(
             command_source=lambda _: np.array([0.8, 0.0, 0.3]),
             duration_s=2.0,
             sample={"gyro_bias": np.array([0.02, -0.015, 0.01])},

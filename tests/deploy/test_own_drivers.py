@@ -19,6 +19,7 @@ from footfall.deploy.drivers.choice import filters_of, open_driver, open_imu
 from footfall.deploy.drivers.driver import Replies
 from footfall.deploy.frames import no_frames
 from footfall.deploy.loop import ControlLoop
+from footfall.deploy.safety import SafetyConfig
 from footfall.deploy.session import Session, run_session
 from footfall.deploy.wiring import wiring_of
 from footfall.plant.imu_ends import open_imu_end
@@ -35,14 +36,15 @@ def with_own(robot: Robot, **protocols: str) -> Robot:
 def test_a_robot_with_own_motor_and_imu_drivers_holds_its_pose(go1: Robot, protocols: Any) -> None:
     robot, positions = with_own(go1, **protocols), list[np.ndarray]()
     simulated = Simulation(robot, hanging=True)
-    session = Session(stand_still, 0.3, realtime=False, config=DeployConfig(stand_s=0.3), lie_down=False)
+    config = DeployConfig(stand_s=0.3, safety=SafetyConfig(damping_s=0.02))
+    session = Session(stand_still, 0.1, realtime=False, config=config, lie_down=False)
 
     def watch(loop: ControlLoop) -> None:
         if loop.walking:
             positions.append(loop.sensed.joint_position)
 
     outcome = run_session(robot, Hold(robot), simulated.bus, session, watch)
-    assert (outcome.faults, outcome.walked_s) == ((), pytest.approx(0.3, abs=0.005))
+    assert (outcome.faults, outcome.walked_s) == ((), pytest.approx(0.1, abs=0.005))
     np.testing.assert_allclose(positions[-1], robot.default_pose, atol=0.1)
     assert not simulated.body.motors_on.any()
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from footfall.common.errors import UserError
+from footfall.deploy.config import DeployConfig
+from footfall.deploy.safety import SafetyConfig
 from footfall.domain_rand.randomisation import load_randomisation, randomisation_of
 from footfall.domain_rand.sample import Sample
 from footfall.evaluate.report import fit_page
@@ -27,8 +29,9 @@ from footfall.train.actuator_net import NetConfig
 
 ROBOT = load_robot("go1")
 LEG = fixed_legs(ROBOT)[0]
+LOOP = DeployConfig(joint_rate_hz=250.0, stand_s=0.1, safety=SafetyConfig(damping_s=0.01))
 SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.5, chirp_s=0.6, burst_s=0.3)
-QUICK = FitConfig(rounds=2, rate_hz=125.0, window_s=0.5, explain=False)
+QUICK = FitConfig(rounds=2, rate_hz=125.0, window_s=0.4, explain=False)
 N = len(ROBOT.joint_names)
 TRUTH: Sample = {
     "armature": np.full(N, 1.2),
@@ -44,7 +47,7 @@ TRUTH: Sample = {
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """A recording of the simulated robot with `TRUTH`."""
     path = tmp_path_factory.mktemp("identify") / "log.mcap"
-    outcome = record(ROBOT, simulated_bus(ROBOT, TRUTH), path, SHORT)
+    outcome = record(ROBOT, simulated_bus(ROBOT, TRUTH), path, SHORT, LOOP)
     assert (outcome.final_state, outcome.faults) == ("IDLE", ())
     return read_recording(path, ROBOT)
 
@@ -172,7 +175,7 @@ def test_a_page_shows_each_joint_and_is_self_contained(fit: LegFit, monkeypatch:
 def test_an_effect_missing_in_the_model_is_named(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     brief = ExcitationConfig(settle_s=0.2, triangle_s=0.5, chirp_s=0.4, burst_s=0.2)
-    record(ROBOT, simulated_bus(ROBOT, {"stribeck_friction": 0.5 * ROBOT.motor.friction}), log, brief)
+    record(ROBOT, simulated_bus(ROBOT, {"stribeck_friction": 0.5 * ROBOT.motor.friction}), log, brief, LOOP)
     recordings = [read_recording(log, ROBOT)]
     whole = problem_of(LEG, recordings, FitConfig(window_s=0.2, rate_hz=125.0))
     free = tuple(each for each in whole.parameters if each.quantity in ("armature", "joint_friction"))

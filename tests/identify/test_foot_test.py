@@ -22,10 +22,10 @@ def test_a_scale_shows_the_missing_force_of_weak_motors(go1: Robot, strength: fl
     share = np.ones(len(go1.joint_names))
     share[go1.foot_joints[RL]] = strength
     scales = on_scales(go1, {"motor_strength": share})
-    rate_hz = DeployConfig().joint_rate_hz
-    policy = FootTest(go1, RL, presses(go1, QUICK), QUICK, rate_hz, lambda: scales.weigh(RL))
+    loop = DeployConfig(joint_rate_hz=250.0, stand_s=0.1)
+    policy = FootTest(go1, RL, presses(go1, QUICK), QUICK, loop.joint_rate_hz, lambda: scales.weigh(RL))
     duration_s = policy.duration_s + 0.5
-    run_on_stand(go1, policy, scales.bus, duration_s, DeployConfig(), False, done=lambda: policy.done)
+    run_on_stand(go1, policy, scales.bus, duration_s, loop, False, done=lambda: policy.done)
     assert len(press_findings(policy.measured, QUICK)) == findings
     # These motors report their true torque.
     assert [each.scale_n for each in policy.measured] == pytest.approx(

@@ -86,10 +86,10 @@ def test_a_joint_with_a_slow_motor_rings_on_the_robot() -> None:
     slow = np.zeros(12)
     slow[0] = 0.02
     quick = GainConfig(settle_s=0.3, trial_s=0.3, max_gain=2.0)
-    policy = GainSearch(robot, quick, 500.0)
+    policy, config = GainSearch(robot, quick, 250.0), DeployConfig(joint_rate_hz=250.0, stand_s=0.1)
     bus = simulated_bus(robot, {"torque_lag_s": slow})
     outcome = run_on_stand(
-        robot, policy, bus, policy.duration_s, DeployConfig(), realtime=False, done=lambda: policy.done
+        robot, policy, bus, policy.duration_s, config, realtime=False, done=lambda: policy.done
     )
     assert (outcome.final_state, outcome.faults) == ("IDLE", ())
     assert len(policy.tuned) == 12

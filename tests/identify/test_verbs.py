@@ -7,6 +7,7 @@ import pytest
 from shell import Shell
 
 from footfall.cli import main
+from footfall.deploy.config import DeployConfig
 from footfall.identify.excitation import ExcitationConfig
 from footfall.identify.record import record
 from footfall.identify.simulated import simulated_bus
@@ -60,4 +61,5 @@ def test_a_recording_that_did_not_end_in_order_or_lacks_a_part_is_status_1(
 
 def test_the_outcome_of_a_recording_on_a_full_disk_has_what_the_log_lacks(go1: Robot) -> None:
     short = ExcitationConfig(settle_s=0.1, triangle_s=0.4, chirp_s=0.6, burst_s=0.2)
-    assert "/dev/full" in record(go1, simulated_bus(go1), Path("/dev/full"), short).missing_in_log
+    loop = DeployConfig(joint_rate_hz=250.0, stand_s=0.1)
+    assert "/dev/full" in record(go1, simulated_bus(go1), Path("/dev/full"), short, loop).missing_in_log

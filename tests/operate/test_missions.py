@@ -184,7 +184,9 @@ def test_a_mission_steers_the_simulated_robot_and_ends_the_run(go1: Robot) -> No
     steps = [{"go_to": {"to": [0.3, 0.0], "heading_deg": 30.0}}]
     mission = mission_of({"speed_m_s": 0.5, "steps": steps, "tracking": {"tolerance_m": 0.03}}, "mission")
     source = MissionSource(mission, policy.name, abilities_of({"go1-flat": policy}, go1))
-    episode = Episode(source, 30.0, config=replace(deploy_config(go1), odometry=True), record_rate_hz=10.0)
+    episode = Episode(
+        source, 30.0, config=replace(deploy_config(go1), odometry=True, stand_s=0.2), record_rate_hz=10.0
+    )
     trace = run_episode(go1, policy, episode)
     assert (source.progress.done, trace.final_state, trace.fell) == (True, "IDLE", False)
     assert source.progress.error_m <= 0.03

@@ -10,9 +10,10 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from deploy_policies import short_episode
 from tiny_policy import write_network
 
-from footfall import Episode, Robot, run_episode
+from footfall import Robot, run_episode
 from footfall.deploy.loop import ControlLoop
 from footfall.pages import walk
 from footfall.pages.moment import Moment
@@ -98,7 +99,7 @@ class Visitor:
         self.frames += 1
         self.shown.append((data.qvel[:3].copy(), moment.command, velocity))
         self.after_frame(self.frames)
-        self.requested |= self.frames >= 300
+        self.requested |= self.frames >= 240
 
     def walk(self, run: Path, robot: Robot) -> None:
         """Run until the visitor leaves."""
@@ -156,8 +157,8 @@ class TestNewestPolicy:
                 if replaced and round(loop.walking_s * 500) == 200:
                     policy.replace_network(POLICY)
 
-            episode = Episode(lambda _: np.array([0.5, 0.0, 0.0]), 1.0)
-            return run_episode(go1, policy, episode, watch).qpos
+            ahead = short_episode(command_source=lambda _: np.array([0.5, 0.0, 0.0]), duration_s=0.6)
+            return run_episode(go1, policy, ahead, watch).qpos
 
         assert np.array_equal(walk(replaced=True), walk(replaced=False))
 

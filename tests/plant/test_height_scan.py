@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from deploy_policies import short_episode
 from tiny_policy import write_network
 
-from footfall import Episode, Robot, Trace, run_episode
+from footfall import Robot, Trace, run_episode
 from footfall.deploy.loop import ControlLoop
 from footfall.deploy.modes import Mode
 from footfall.deploy.replay import replay
@@ -67,7 +68,7 @@ def walked(go1: Robot, policy: LearnedPolicy, **settings: object) -> tuple[Trace
             observed.append(policy.observed[:85])
 
     ground = load_ground("stairs,step_m=0.1,start_m=0.6")
-    episode = Episode(lambda _: np.zeros(3), 0.8, ground=ground, **settings)  # type: ignore[arg-type]
+    episode = short_episode(duration_s=0.8, ground=ground, **settings)
     return run_episode(go1, policy, episode, watch), np.array(observed)
 
 

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from footfall import Robot, UserError, run_episode
 from footfall.deploy.config import DeployConfig
 from footfall.deploy.log_file import read_log
+from footfall.deploy.safety import SafetyConfig
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.noise import Noise
 from footfall.domain_rand.quantity import OFFSET, adds_to, quantity
@@ -59,6 +60,7 @@ class MoreQuantities(Randomisation):
 
 TORQUE = MoreNoise.__dataclass_fields__["joint_torque"].metadata["declares"]
 MORE_READINGS = {**READINGS, "joint_torque": TORQUE}
+LOOP = DeployConfig(stand_s=0.05, safety=SafetyConfig(damping_s=0.1))
 CONFIG = replace(load_preset("smoke").env, noise=MoreNoise(), randomisation=MoreQuantities())
 MORE_QUANTITIES = declared_quantities(MoreQuantities)
 BIASES = [name for name, each in MORE_QUANTITIES.items() if each.bias_of is not None]
@@ -83,9 +85,7 @@ def rows_in_log(
     robot: Robot, path: Path, noise: Noise | None = None, sample: Sample | None = None
 ) -> Readings:
     """Readings in the log of a robot that stands up, shape (ticks, size) each, the first tick left out."""
-    still = short_episode(
-        duration_s=0.03, config=DeployConfig(stand_s=0.05), log=path, noise=noise, sample=sample or {}, seed=3
-    )
+    still = short_episode(duration_s=0.03, config=LOOP, log=path, noise=noise, sample=sample or {}, seed=3)
     run_episode(robot, Hold(robot), still)
     entries = [each.message for each in read_log(path, ("/joint_states", "/imu/data")).entries]
     rows = []

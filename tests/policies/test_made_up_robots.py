@@ -7,6 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 import yaml
+from deploy_policies import short_episode
 from made_up import BIPED, FIVE, PITCH, ROLL, SOLES, Hinge, Leg, quadruped_leg, six_hinge_leg, write_robot
 from moments import under_load
 from tiny_policy import write_network
@@ -95,6 +96,10 @@ LEGS = [
 ]
 
 
+def ahead(duration_s: float) -> Episode:
+    return short_episode(command_source=lambda _: np.array([0.2, 0.0, 0.0]), duration_s=duration_s, seed=1)
+
+
 @pytest.fixture(scope="module")
 def five(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     """A robot with settings for its only gait: go1's, scaled to its weight and height."""
@@ -120,7 +125,7 @@ def test_five_legs_track_the_command_over_the_bus(five: Robot) -> None:
     policy = load_policy("wave", five)
     assert isinstance(policy, Walk)
     assert policy.gaits == ("wave",)  # go1's other gaits do not fit five legs
-    trace = run_episode(five, policy, Episode(lambda _: np.array([0.2, 0.0, 0.0]), 4.0, seed=1))
+    trace = run_episode(five, policy, ahead(3.0))
     late = trace.time_s > 1.5
     walked = trace.base_position[-1] - trace.base_position[np.argmax(late)]
     assert (trace.final_state, trace.faults, trace.fell) == ("IDLE", (), False)
@@ -146,7 +151,7 @@ def test_the_contract_has_the_gait_and_the_policy_stands(
     size = observation_size(contract)
     assert env.observation_sizes["state"] == size
     path = write_network(onnx, tmp_path / "five.onnx", np.zeros((size, 15), np.float32), contract)
-    trace = run_episode(five, LearnedPolicy(path, five), Episode(lambda _: np.zeros(3), 1.0))
+    trace = run_episode(five, LearnedPolicy(path, five), short_episode(duration_s=0.5))
     assert (trace.final_state, trace.faults, trace.fell) == ("IDLE", (), False)
     assert contract.mismatches(GO1) != []
 
@@ -164,8 +169,7 @@ def run(robot: Robot, policy: Policy, duration_s: float) -> Trace:
     def watch(_: ControlLoop, body: SimulatedRobot) -> None:
         bodies[:] = [body]
 
-    episode = Episode(lambda _: np.array([0.2, 0.0, 0.0]), duration_s, seed=1)
-    trace = run_episode(robot, policy, episode, watch)
+    trace = run_episode(robot, policy, ahead(duration_s), watch)
     assert not bodies[0].motors_on.any()
     return trace
 

@@ -11,7 +11,7 @@ import pytest
 from footfall import Episode, JointCommand, Robot, Trace, load_policy, load_robot, run_episode
 from footfall.common.rotations import heading, heading_matrix, tilt, yaw_of
 from footfall.deploy.command_source import Request, Status, Stop
-from footfall.deploy.config import deploy_config
+from footfall.deploy.config import DeployConfig, deploy_config
 from footfall.deploy.loop import ControlLoop
 from footfall.domain_rand.randomisation import randomisation_of
 from footfall.domain_rand.sample import draw
@@ -33,8 +33,17 @@ from footfall.policies.policy import PlansFootholds, Policy, PolicyInput
 from footfall.robots.mjcf import load_spec
 
 GO1, G1, HEXAPOD = (load_robot(name) for name in ("go1", "g1", "hexapod"))
-HALF = replace(deploy_config(HEXAPOD), joint_rate_hz=250.0)  # simulated faster
 NOISE = load_scenarios(GO1).noise
+
+
+def brief(robot: Robot, **changes: Any) -> DeployConfig:
+    """Settings of a loop that spends little time before and after the walk."""
+    config = deploy_config(robot)
+    safety = replace(config.safety, damping_s=0.01)
+    return replace(config, stand_s=0.2, in_place_s=0.3, safety=safety, **changes)
+
+
+HALF = brief(HEXAPOD, joint_rate_hz=250.0)  # simulated faster
 
 
 def run(
@@ -48,7 +57,8 @@ def run(
     """A run, steered by a command source or a constant command, that ends without a fall or a fault."""
     policy = load_policy(policy, robot) if isinstance(policy, str) else policy
     source = CommandSchedule((0.0,), (source,)) if isinstance(source, tuple) else source
-    trace = run_episode(robot, policy, Episode(source, duration_s, **more), watch)
+    episode = Episode(source, duration_s, **{"config": brief(robot), **more})
+    trace = run_episode(robot, policy, episode, watch)
     assert (trace.fell, trace.faults) == (False, ()), trace.fall_reason
     return trace
 
@@ -94,7 +104,7 @@ def test_feet_land_where_they_are_planned_to(robot: Robot, name: str, duration_s
 
 UNIFORM, BODIES = np.random.default_rng(2).random, load_spec(GO1.xml_path).compile().nbody - 1
 SAMPLE = draw(randomisation_of(GO1), UNIFORM, 12, BODIES)
-RANDOMISED = {"sample": SAMPLE, "noise": NOISE, "record_rate_hz": 250.0}
+RANDOMISED = {"sample": SAMPLE, "noise": NOISE, "record_rate_hz": 250.0, "config": brief(GO1)}
 
 
 def test_in_a_pronk_no_foot_touches_for_a_part_of_each_cycle() -> None:
@@ -238,7 +248,7 @@ def test_a_mission_jumps_twice_and_returns_to_another_policy() -> None:
     policies = {name: load_policy(name, GO1) for name in ("stand", "jump")}
     mission = mission_of({"steps": [{"jump": 2}, {"wait": 0.5}]}, "mission")
     source = MissionSource(mission, "stand", abilities_of(policies, GO1))
-    config, others = replace(deploy_config(GO1), odometry=True), {"jump": policies["jump"]}
+    config, others = brief(GO1, odometry=True), {"jump": policies["jump"]}
     trace = run(GO1, policies["stand"], source, 30.0, config=config, record_rate_hz=100.0, others=others)
     assert source.progress.done
     assert jumps(trace) == 2

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from deploy_policies import short_episode
 
-from footfall import Episode, load_policy, load_robot, run_episode
+from footfall import load_policy, load_robot, run_episode
 from footfall.deploy.loop import ControlLoop
 from footfall.plant.robot import SimulatedRobot
 from footfall.robots.balance import BalanceModel
@@ -28,7 +29,7 @@ def test_balance_of_a_standing_robot(name: str, corners: int) -> None:
             seen.append(model.at(*pose, right, loop.sensed, np.zeros(len(truth.foot_contact))))
             seen.append((truth, body.data.subtree_com[1].copy()))
 
-    run_episode(robot, load_policy("stand", robot), Episode(lambda _: np.zeros(3), 0.1), watch)
+    run_episode(robot, load_policy("stand", robot), short_episode(duration_s=0.1), watch)
     still, moved, (truth, centre) = seen
     np.testing.assert_allclose(still.centre, centre, atol=1e-3)
     np.testing.assert_allclose(still.capture[:2], centre[:2], atol=0.02)

@@ -36,18 +36,18 @@ def wrong(shell: Shell, folder: Path, seconds: int = 1) -> str:
 
 
 def test_an_imported_quadruped_stands_on_all_feet_unless_its_knees_are_weak(folder: Path) -> None:
-    found = standing_test(load_robot(folder), duration_s=1.5)
+    found = standing_test(load_robot(folder), duration_s=0.8)
     assert found.stood
-    assert found.stood_s == pytest.approx(1.5, abs=0.01)
+    assert found.stood_s == pytest.approx(0.8, abs=0.01)
     assert (found.feet_down == 1.0).all()
     change(folder / "robot.yaml", r"(peak|stall)_torque_nm: 23", r"\1_torque_nm: 1")
-    found = standing_test(load_robot(folder), duration_s=1.5)
+    found = standing_test(load_robot(folder), duration_s=0.8)
     assert not found.stood
     assert "the base has sunk" in found.faults[0]
     change(
         folder / "robot.yaml", r"\Z", "\nsafety: {sensors: {sunk: 1.0}}\n"
     )  # the base may sink to the ground
-    found = standing_test(load_robot(folder), duration_s=1.5)
+    found = standing_test(load_robot(folder), duration_s=0.8)
     assert found.sank_m > 0.1
     assert found.torque_share.reshape(4, 3).max(axis=0) == pytest.approx([0.1, 0.2, 1.0], abs=0.15)
 

@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from changed_robots import with_each_motor
+from deploy_policies import short_episode
 from edited import content_of
 from refused import refusal_of
 
-from footfall import Episode, Robot, UserError, load_policy, load_robot, run_episode
+from footfall import Robot, UserError, load_policy, load_robot, run_episode
 from footfall.deploy.wiring import wiring_of
 from footfall.domain_rand.distributions import Distribution
 from footfall.domain_rand.randomisation import Randomisation
@@ -84,7 +85,7 @@ def test_a_drawn_winding_temperature_needs_a_thermal_model(go1: Robot) -> None:
 def walk(robot: Robot, sample: dict[str, np.ndarray]) -> SimpleNamespace:
     """go1-flat for a second; its trace, and temperatures reported at the end."""
     seen: list[np.ndarray] = []
-    episode = Episode(lambda _: np.array([0.5, 0.0, 0.0]), duration_s=1.0, sample=sample)
+    episode = short_episode(command_source=lambda _: np.array([0.5, 0.0, 0.0]), sample=sample)
     policy = load_policy("go1-flat", robot)
     trace = run_episode(robot, policy, episode, lambda loop, _: seen.append(loop.temperature_c))
     return SimpleNamespace(trace=trace, reported_c=seen[-1])
