@@ -29,12 +29,25 @@ environment = partial(NumberEnvironment, ENVIRONMENTS)
 
 def first_state(env: Any, config: PpoConfig = CONFIG) -> TrainState:
     """The state of a training before its first iteration."""
-    return initial_state(env, NETWORKS, config, 0)
+    return _first_state(config)._replace(observation=env.observation)
+
+
+@cache
+def _first_state(config: PpoConfig) -> TrainState:
+    return jax.jit(lambda: initial_state(NumberEnvironment(config.num_envs), NETWORKS, config, 0))()
 
 
 def rolled_out(env: Any, state: TrainState) -> Transition:
     """The transitions of one rollout."""
     return roll_out(env, NETWORKS, CONFIG, state, jax.random.split(jax.random.PRNGKey(1), STEPS))[1][0]
+
+
+@cache
+def begun(**ends: int) -> tuple[TrainState, Transition]:
+    """The first state and rollout of a training some of whose episodes end; not to be changed."""
+    env = environment(**ends)
+    state = first_state(env)
+    return state, rolled_out(env, state)
 
 
 @cache

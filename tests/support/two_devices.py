@@ -7,7 +7,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from brax.training.types import Transition
 from jax.sharding import PartitionSpec
 from number_environment import COUNTING, COUNTING_NETWORKS, CountingEnvironment, NumberEnvironment, step_batch
 
@@ -25,11 +24,13 @@ ENV: Any = NumberEnvironment(CONFIG.ppo.num_envs)
 NETWORKS = make_networks(ENV.observation_sizes, ENV.action_size, CONFIG.ppo)
 MESH = device_mesh(CONFIG.ppo)
 UNROLL, ENVIRONMENTS = 4, 16  # of one device
-Data = tuple[Transition, dict[str, jax.Array]]
+Data = tuple[Any, dict[str, jax.Array]]
 
 
 def rollout(seed: int) -> Data:
     """Random transitions (time, environment) of one device, and the observation after them."""
+    from brax.training.types import Transition  # brax imports much unless footfall imports it first
+
     rng = np.random.default_rng(seed)
 
     def normal(*shape: int) -> jax.Array:
@@ -80,7 +81,7 @@ def learnt(state: Any, data: Data, devices: int) -> list[Any]:
 def statistics_and_expected() -> tuple[Any, Any]:
     """Mean and deviation of the observations after an iteration of counting episodes on both devices."""
     config, networks, env = COUNTING, COUNTING_NETWORKS, CountingEnvironment()
-    state = initial_state(env, networks, config, 3)
+    state = jax.jit(lambda: initial_state(env, networks, config, 3))()
     observations = np.asarray(state.env) + np.arange(config.num_steps_per_env)[:, None]
     env.count //= MESH.size
     rollouts.step_batch = step_batch

@@ -68,7 +68,7 @@ def counting() -> Any:
 
     from footfall.train.brax.state import initial_state
 
-    return initial_state(CountingEnvironment(), COUNTING_NETWORKS, COUNTING, 3)
+    return jax.jit(lambda: initial_state(CountingEnvironment(), COUNTING_NETWORKS, COUNTING, 3))()
 
 
 @pytest.fixture

@@ -2,9 +2,11 @@
 
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,44 +17,47 @@ import jax
 import numpy as np
 import pytest
 
+from footfall.common.config import dump
 from footfall.common.errors import UserError
+from footfall.domain_rand.randomisation import Randomisation
 from footfall.train import api, cluster
 from footfall.train.brax.devices import caches_programs, device_mesh
 from footfall.train.config import load_preset
 from footfall.train.progress import newest_checkpoint
 from footfall.train.runs import checkpoint
 
-SCRIPT = Path(__file__).parents[1] / "support" / "two_devices.py"
+SUPPORT = Path(__file__).parents[1] / "support"
 # The older partitioner, as with jax 0.11 (envs/workarounds/partitioner.py): Shardy compiles more.
 TWO = {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu", "JAX_USE_SHARDY_PARTITIONER": "0"}
 
 
 def test_two_processes_train_one_run_that_one_process_continues(
-    six_iterations: str, kept_programs: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    """The task has few terms and small networks, because each process compiles it."""
+    smoke = load_preset("smoke")
+    env = replace(
+        smoke.env, physics="c", observation=smoke.env.observation[:3], rewards=smoke.env.rewards[2:3],
+        critic=smoke.env.critic[:2], events=(), gait=None, randomisation=Randomisation(),
+    )  # fmt: skip
+    ppo = replace(smoke.ppo, actor_hidden_dims=(8,), critic_hidden_dims=(8,))
+    small = replace(smoke, ppo=ppo, env=env, checkpoint_interval_s=0.0)
+    (tmp_path / "small.yaml").write_text(dump(small))
     with socket.socket() as free:
         free.bind(("localhost", 0))
         coordinator = f"localhost:{free.getsockname()[1]}"
     options = (
-        "--preset",
-        six_iterations,
-        "--steps",
-        "1024",
-        "--out",
-        "run",
-        "--no-evaluate",
-        "--processes",
-        "2",
+        f"--preset small.yaml --steps 1024 --out run --no-evaluate --processes 2 --coordinator {coordinator}"
     )
-    command = (sys.executable, "-m", "footfall", "train", *options, "--coordinator", coordinator)
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    started = [subprocess.Popen((*command, "--process", index), cwd=tmp_path, **pipes) for index in "01"]
+    command = [sys.executable, str(SUPPORT / "two_processes.py"), "train", *options.split()]
+    started = subprocess.Popen(command, cwd=tmp_path, start_new_session=True)
     try:
-        first, second = (process.communicate(timeout=420)[0] for process in started)
+        status = started.wait(timeout=420)
     finally:
-        for process in started:
-            process.kill()
-    assert [process.returncode for process in started] == [0, 0], first + second
+        with suppress(ProcessLookupError):
+            os.killpg(started.pid, signal.SIGKILL)
+    first, second = ((tmp_path / f"printed{index}").read_text() for index in "01")
+    assert status == 0, first + second
     assert ["exported" in printed for printed in (first, second)] == [True, False]
 
     folder = tmp_path / "run"
@@ -61,7 +66,7 @@ def test_two_processes_train_one_run_that_one_process_continues(
     assert (folder / "policy.onnx").is_file()
     assert checkpoint.latest(folder / "checkpoints") == folder / "checkpoints" / "00000004.ckpt"
 
-    config = folder / "config.yaml"  # as long as the preset, so that a compiled program can be reused
+    config = folder / "config.yaml"
     config.write_text(config.read_text().replace("total_steps: 1024", "total_steps: 1536"))
     api.resume(folder)
     assert "resuming from 00000004.ckpt" in capsys.readouterr().out
@@ -94,7 +99,7 @@ def test_a_failure_in_one_process_is_reported_in_each(monkeypatch: pytest.Monkey
 
 def test_each_device_learns_from_its_share_and_both_end_with_the_same_parameters() -> None:
     """Equal shares train as one device does; statistics of each device reach both."""
-    command, pipes = [sys.executable, str(SCRIPT)], {"capture_output": True, "text": True}
+    command, pipes = [sys.executable, str(SUPPORT / "two_devices.py")], {"capture_output": True, "text": True}
     done = subprocess.run(command, env=os.environ | TWO, timeout=300, check=False, **pipes)
     assert done.returncode == 0, done.stderr[-2000:]
     results = json.loads(done.stdout.splitlines()[-1])

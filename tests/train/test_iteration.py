@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("number_steps")
 def test_an_iteration_updates_normaliser_metrics_and_level() -> None:
     env = environment(observed=5.0, fallen=2, timed_out=1)
     later = number_environment.with_scaled_actor(first_state(env))._replace(iteration=jnp.int32(3))
-    state, metrics, _ = make_iteration(env, NETWORKS, CONFIG)(later)
+    state, metrics, _ = jax.jit(make_iteration(env, NETWORKS, CONFIG))(later)
     np.testing.assert_allclose(state.normalizer.mean["state"], 5.0)
     assert int(np.asarray(state.normalizer.count)) == ENVIRONMENTS * STEPS
     assert float(metrics["episode/length_s"]) == pytest.approx(10 * 0.02)  # of ended episodes
@@ -77,9 +77,8 @@ class TestCounting:
         monkeypatch.setattr(ppo, "compute_ppo_loss", quickly_traced)
         for limit, logged in ((4, 4), (8, 8), (1000, 18)):
             monkeypatch.setattr(iteration, "LOGGED_OBSERVATIONS", limit)
-            _, metrics, observed = make_iteration(CountingEnvironment(), COUNTING_NETWORKS, COUNTING)(
-                counting
-            )
+            iterate = jax.jit(make_iteration(CountingEnvironment(), COUNTING_NETWORKS, COUNTING))
+            _, metrics, observed = iterate(counting)
             assert observed.shape == (logged, 3)
             newest = np.asarray(counting.env) + 2.0
             np.testing.assert_allclose(observed[-6:, 0], newest[:limit], rtol=1e-6)

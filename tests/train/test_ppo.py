@@ -9,7 +9,7 @@ import number_environment
 import numpy as np
 import pytest
 from number_environment import COUNTING, COUNTING_NETWORKS, REWARD, SIZES, CountingEnvironment
-from ppo_on_numbers import CONFIG, KL_ROUNDING, NETWORKS, environment, first_state, learnt, rolled_out
+from ppo_on_numbers import CONFIG, KL_ROUNDING, NETWORKS, begun, environment, first_state, learnt, rolled_out
 
 from footfall.envs.symmetry import EnvironmentMirror
 from footfall.robots.symmetry import Mirror
@@ -30,10 +30,10 @@ def test_an_episode_is_bootstrapped_with_the_critics_value_unless_it_ended_by_a_
         ({}, CONFIG.gamma, REWARD), ({"fallen": CONFIG.num_envs}, 0.0, REWARD),
         ({"timed_out": CONFIG.num_envs}, 1.0, 0.0),
     ):  # fmt: skip
-        env = environment(**ends)
-        state = first_state(env)
-        value = float(NETWORKS.value_network.apply(state.normalizer, state.params.value, env.observation)[0])
-        _, losses = learnt(state, rolled_out(env, state))
+        state, rollout = begun(**ends)
+        seen = environment().observation
+        value = float(NETWORKS.value_network.apply(state.normalizer, state.params.value, seen)[0])
+        _, losses = learnt(state, rollout)
         error = reward + next_value * value - value
         assert losses["v_loss"][0, 0] == pytest.approx(0.25 * error**2, rel=1e-4, abs=1e-9)
 
@@ -41,12 +41,12 @@ def test_an_episode_is_bootstrapped_with_the_critics_value_unless_it_ended_by_a_
 class TestLearningRate:
     def rates(self, moved: float, start: float, limit: float, **settings: Any) -> np.ndarray:
         """Learning rates after each mini-batch, for an actor this far from its behaviour."""
-        env = environment()
         config = replace(CONFIG, learning_rate=limit, final_learning_rate=limit, **settings)
-        state = first_state(env, config=config)
-        rollout = rolled_out(env, state)
-        loc, scale = rollout.extras["policy_extras"]["distribution_params"]
-        rollout.extras["policy_extras"]["distribution_params"] = (loc + moved, scale)
+        state, rollout = begun()
+        policy = rollout.extras["policy_extras"]
+        loc, scale = policy["distribution_params"]
+        policy = policy | {"distribution_params": (loc + moved, scale)}
+        rollout = rollout._replace(extras=rollout.extras | {"policy_extras": policy})
         state = state._replace(optimizer=ppo.with_learning_rate(state.optimizer, jnp.float32(start)))
         return learnt(state, rollout, config)[1]["learning_rate"].ravel()
 
@@ -62,9 +62,8 @@ class TestLearningRate:
 
 def test_a_long_gradient_is_clipped() -> None:
     """Adam's first step does not depend on the gradient's length, but Adam's moments do."""
-    env = environment(fallen=CONFIG.num_envs)
-    state = first_state(env)
-    optimizer, losses = learnt(state, rolled_out(env, state), replace(CONFIG, max_grad_norm=0.01))
+    state, rollout = begun(fallen=CONFIG.num_envs)
+    optimizer, losses = learnt(state, rollout, replace(CONFIG, max_grad_norm=0.01))
     first_moment = jnp.sqrt(sum(jnp.sum(x**2) for x in jax.tree.leaves(optimizer[-1].inner_state[0].mu)))
     assert losses["gradient_norm"][0, 0] > 0.01  # as it was
     assert float(first_moment) == pytest.approx(0.1 * 0.01, rel=1e-3)  # Adam keeps a tenth of each gradient

@@ -55,8 +55,8 @@ class Graph:
         return [self.node("result", loop, k) for k in range(len(start))]
 
 
-def _are_constants(*values: Scalar) -> bool:
-    return not any(isinstance(value, Expression) for value in values)
+def _are_constants(one: Scalar, other: Scalar = 0.0) -> bool:
+    return not (isinstance(one, Expression) or isinstance(other, Expression))
 
 
 def _node(operation: str, *operands: Operand) -> Scalar:
