@@ -75,6 +75,7 @@ def test_an_unknown_or_repeated_disturbance_is_refused() -> None:
             weakest("go1-flat", EvaluationConfig(), FILE, names)
 
 
+@pytest.mark.usefixtures("quick_standing")
 def test_a_push_makes_a_simulated_robot_fall(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(search, "smallest", partial(smallest, halvings=1))
     early = replace(PLAN, duration_s=1.2, pushes=(replace(PLAN.pushes[0], time_s=0.1),))
@@ -83,13 +84,15 @@ def test_a_push_makes_a_simulated_robot_fall(monkeypatch: pytest.MonkeyPatch) ->
     assert math.isinf(bisect(Ray(task, {"push": 0.01})))
 
 
+@pytest.mark.usefixtures("quick_standing")
 def test_a_robot_that_makes_no_progress_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot on ice never falls but makes no progress. For a command to stand, that is no failure."""
     monkeypatch.setattr(search, "smallest", partial(smallest, halvings=0))
     task = EpisodeTask("go1-flat", "go1", replace(PLAN, duration_s=1.5), FILE.noise)
     assert bisect(Ray(task, {"friction": 1.0})) == 1.0
     assert math.isinf(bisect(Ray(task, {"friction": 0.01})))
-    assert math.isinf(bisect(Ray(replace(task, policy="stand"), {"friction": 1.0})))
+    standing = replace(task, policy="stand", plan=replace(PLAN, duration_s=0.3))
+    assert math.isinf(bisect(Ray(standing, {"friction": 1.0})))
 
 
 def test_the_command_prints_and_writes_the_result(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
