@@ -18,6 +18,12 @@ from footfall.policies.registry import zoo_names
 from footfall.robots.description import Robot
 
 
+@pytest.fixture(autouse=True)
+def quickly_standing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Faults in a walk come half a second earlier than in the published table."""
+    monkeypatch.setattr(fault_runs, "STAND_S", 0.3)
+
+
 def test_every_kind_has_its_own_name_and_a_short_limit_or_a_reason() -> None:
     titles = [fault_runs.title_of(kind) for kind in KINDS]
     assert len(set(titles)) == len(titles) >= 60

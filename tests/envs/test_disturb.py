@@ -143,11 +143,11 @@ def test_a_drop_begins_above_the_ground_in_any_attitude_inside_the_limits(begun:
         return drop.change(begun, Occasion(SCENE, True, u, 1.0), lowest_m=0.1, highest_m=0.2)
 
     drawn = np.random.default_rng(0).random((40, drop.numbers(Parts(12))))
-    state = jax.vmap(dropped)(jnp.asarray(drawn, jnp.float32))
+    state = jax.jit(jax.vmap(dropped))(jnp.asarray(drawn, jnp.float32))
     qpos, (lower, upper) = np.asarray(state.qpos), ROBOT.soft_limits
     assert np.all((lower - 1e-5 <= qpos[:, 7:]) & (qpos[:, 7:] <= upper + 1e-5))
     np.testing.assert_array_equal(state.goals, np.tile(qpos[:, None, 7:], (1, 3, 1)))
-    points = np.asarray(jax.vmap(SCENE.body.points)(state.qpos))
+    points = np.asarray(jax.jit(jax.vmap(SCENE.body.points))(state.qpos))
     heights = (points[..., 2] - SCENE.body.radius).min(axis=1)
     upright = Rotation.from_quat(qpos[:, 3:7], scalar_first=True).as_matrix()[:, 2, 2]
     assert 0.1 - 1e-5 <= min(heights) < 0.13

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from go1_smoke import ROBOT, SMOKE_IN_C
+from go1_smoke import FEW_IN_C, ROBOT, SMOKE_IN_C
 from refused import refusal_of
 
 from footfall.envs.batch import step_batch
@@ -105,7 +105,7 @@ def own_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path
 def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
     """The state restarts with the episode, differs between robots, and is kept in compiled programs."""
     entry = RewardConfig("own_terms:AirTime", 2.0, settings={"min_s": 0.05})
-    env = make_environment(ROBOT, replace(SMOKE_IN_C, rewards=(entry,), episode_s=0.1, reward_floor=-1.0))
+    env = make_environment(ROBOT, replace(FEW_IN_C, rewards=(entry,), episode_s=0.1, reward_floor=-1.0))
     state, _ = jax.jit(jax.vmap(env.reset))(jax.random.split(jax.random.PRNGKey(0), 3))
     high = state._replace(qpos=state.qpos.at[1, 2].set(2.0))  # the second robot is in the air
     step = jax.jit(lambda state: step_batch(env, state, jnp.zeros((3, 12))))
@@ -126,18 +126,18 @@ def test_a_reward_with_a_state_of_its_own_counts_time_in_the_air() -> None:
 
 def test_terms_of_every_kind_come_from_a_users_module() -> None:
     config = replace(
-        SMOKE_IN_C,
+        FEW_IN_C,
         rewards=(RewardConfig("own_terms:knees", 1.0, settings={"share": 0.5}),),
-        critic=(*SMOKE_IN_C.critic, NamedTermConfig("own_terms:foot_speed")),
+        critic=(*FEW_IN_C.critic, NamedTermConfig("own_terms:foot_speed")),
         terminations=(NamedTermConfig("own_terms:too_long", settings={"limit_s": 1.0}),),
         events=(EventConfig("own_terms:lifted"), EventConfig("own_terms:hop")),
         curricula=(CurriculumConfig("own_terms:late", "hop", settings={"after": 0.3}),),
     )
-    env, plain = make_environment(ROBOT, config), make_environment(ROBOT, SMOKE_IN_C)
+    env, plain = make_environment(ROBOT, config), make_environment(ROBOT, FEW_IN_C)
     assert env.observation_sizes["privileged_state"] == plain.observation_sizes["privileged_state"] + 4
-    step, speeds = jax.jit(env.step), []
+    reset, step, speeds = jax.jit(env.reset), jax.jit(env.step), []
     for level in (0.2, 0.4):  # below and above the level at which hops begin
-        state, _ = env.reset(jax.random.PRNGKey(0), level)
+        state, _ = reset(jax.random.PRNGKey(0), level)
         assert float(state.qpos[2]) == pytest.approx(ROBOT.description.standing_height_m + 0.5)
         waiting, _ = step(state, jnp.zeros(12))
         hopping, result = step(waiting, jnp.zeros(12))
@@ -213,6 +213,7 @@ def test_names_distinguish_two_entries_of_one_term() -> None:
         RewardConfig("pose", -1.0, name=name, settings={"joint_shares": {f"*{name}*": 1.0, "*": 0.0}})
         for name in ("hip", "calf")
     )
-    env = make_environment(ROBOT, replace(SMOKE_IN_C, rewards=(hips, knees)))
-    _, result = jax.jit(env.step)(env.reset(jax.random.PRNGKey(0))[0], jnp.zeros(12))
+    env = make_environment(ROBOT, replace(FEW_IN_C, rewards=(hips, knees)))
+    state, _ = jax.eval_shape(env.reset, jax.random.PRNGKey(0))
+    _, result = jax.eval_shape(env.step, state, jnp.zeros(12))
     assert {"reward/hip", "reward/calf"} <= set(result.metrics)

@@ -4,17 +4,18 @@ Height scans equal the simulated robot's at the same position, and have a rate o
 """
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from go1_smoke import FEW_TERMS, SMOKE
 
 from footfall.common.config import structure
 from footfall.common.errors import UserError
 from footfall.domain_rand.height_scan import HeightScanErrors
-from footfall.domain_rand.randomisation import Randomisation
 from footfall.envs.config import ObservationConfig, TerrainConfig
 from footfall.envs.height_scan import Scanner
 from footfall.envs.locomotion import LocomotionEnv
@@ -28,7 +29,6 @@ from footfall.policies.height_scan import HeightScan
 from footfall.robots.description import Robot
 from footfall.robots.model import training_spec
 from footfall.terrain.declaration import GroundConfig, at_difficulty, make_ground
-from footfall.train.config import load_preset
 
 KINDS: list[dict[str, Any]] = [
     {"shape": "stairs", "step_m": [0.02, 0.14]},
@@ -45,8 +45,7 @@ def terrain(kinds: list[dict[str, Any]], **changes: Any) -> TerrainConfig:
 
 
 def on_terrain(robot: Robot, ground: TerrainConfig, **changes: Any) -> Any:
-    config = load_preset("smoke", robot).env
-    return make_environment(robot, replace(config, randomisation=Randomisation(), terrain=ground, **changes))
+    return make_environment(robot, replace(SMOKE, **FEW_TERMS | changes, terrain=ground))
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +134,7 @@ Scanned = tuple[State, dict[str, jax.Array]]
 def scanning(go1: Robot) -> LocomotionEnv:
     terms = (ObservationConfig("gyro", history=2), ObservationConfig("height_scan", 2.0))
     stairs = TerrainConfig((STAIRS,), levels=2, start_levels=1)
-    return LocomotionEnv(go1, replace(load_preset("smoke", go1).env, observation=terms, terrain=stairs))
+    return LocomotionEnv(go1, replace(SMOKE, **FEW_TERMS | {"observation": terms, "terrain": stairs}))
 
 
 @pytest.fixture(scope="module")
@@ -173,9 +172,14 @@ def test_scans_are_late_at_their_rate(scanning: LocomotionEnv, scanned: Scanned)
     state = jax.tree.map(lambda leaf: leaf[0], scanned[0])
     level = state.qpos.at[3:7].set(jnp.array([1.0, 0.0, 0.0, 0.0]))
     u, seen_at = jnp.full(late.numbers, 0.5), []
+
+    @partial(jax.jit, static_argnums=1)
+    def deliver(state: State, is_reset: bool) -> tuple[State, jax.Array]:
+        return late.deliver(state, lambda position: position[..., 0], u, is_reset=is_reset)
+
     for step in range(12):
         here = state._replace(qpos=level.at[0].set(0.01 * step), steps=jnp.int32(step))
-        state, heights = late.deliver(here, lambda position: position[..., 0], u, is_reset=step == 0)
+        state, heights = deliver(here, step == 0)
         seen_at.append(float(heights[0] + here.qpos[2] - SCAN.points[0, 0]) / 0.01)
     taken = np.maximum(0, 2 * ((np.arange(12) - 2.5) // 2)).astype(int)
     np.testing.assert_allclose(seen_at, taken, atol=1e-3)
