@@ -75,17 +75,13 @@ def test_a_wrong_value_is_refused_with_its_key() -> None:
     ):
         assert refusal(A_CART | wrong).startswith(key)
     for wheel, key in (
-        ({"spokes": 1.0}, ".spokes: 1.0"),
-        ({"spokes": True}, ".spokes: True"),
-        ({"radius_m": True}, ".radius_m: True"),
-        ({"radius_m": "1"}, ".radius_m: '1'"),
-        ({"radius_m": 10**400}, ".radius_m: "),
-        ({"radius_m": -float("inf")}, ".radius_m: "),
-        ({"driven": 1}, ".driven: 1"),
-        ({"tags": [7]}, ".tags[0]: 7"),
+        ({"spokes": 1.0}, ".spokes: 1.0"), ({"spokes": True}, ".spokes: True"),
+        ({"radius_m": True}, ".radius_m: True"), ({"radius_m": "1"}, ".radius_m: '1'"),
+        ({"radius_m": 10**400}, ".radius_m: "), ({"radius_m": -float("inf")}, ".radius_m: "),
+        ({"driven": 1}, ".driven: 1"), ({"tags": [7]}, ".tags[0]: 7"),
         ({"b": 2, "a": 3}, ": no setting a, b (there are radius_m, spokes, tags, driven)"),
         ({"spoeks": 1}, ": no setting spoeks (did you mean spokes?)"),
-    ):
+    ):  # fmt: skip
         assert refusal(A_CART | {"first": ROUND | wheel}).startswith(f"first{key}")
     assert refusal({}).startswith("name, first: ")
     for wrong in ([], [1], "text", 3, A_CART | {"span": [1.0]}, A_CART | {2: 3}, {"name": [0] * 1000}):
@@ -135,20 +131,12 @@ BOMB = "a0: &a0 [x, x, x, x, x, x, x, x]\n" + "".join(
 
 def test_invalid_and_ambiguous_yaml_is_refused_in_one_line(tmp_path: Path) -> None:
     for content, why in (
-        (b"when: 2026-13-45", ""),
-        (b"x: " + 5000 * b"1", ""),
-        (5000 * b"[", ""),
-        (b"\xff\xfe\xff", ""),
-        (b"a: [", ""),
-        (b"? [a]\n: 1", ""),
-        (b"kp: 1\nkd: 2\nkp: 3\n", "key kp .*line 3"),
-        (b"a: {kp: 1, kp: 1}", "key kp .*line 1"),
-        (b"on: 2", "key on .*line 1"),
-        (b"~: 2", "key ~ .*line 1"),
-        (b"a: &a {b: *a}", "alias .*line 1"),
-        (b"a: &a [*a]", "alias .*line 1"),
-        (BOMB.encode(), "aliases .*line"),
-    ):
+        (b"when: 2026-13-45", ""), (b"x: " + 5000 * b"1", ""), (5000 * b"[", ""), (b"\xff\xfe\xff", ""),
+        (b"a: [", ""), (b"? [a]\n: 1", ""), (b"kp: 1\nkd: 2\nkp: 3\n", "key kp .*line 3"),
+        (b"a: {kp: 1, kp: 1}", "key kp .*line 1"), (b"on: 2", "key on .*line 1"),
+        (b"~: 2", "key ~ .*line 1"), (b"a: &a {b: *a}", "alias .*line 1"),
+        (b"a: &a [*a]", "alias .*line 1"), (BOMB.encode(), "aliases .*line"),
+    ):  # fmt: skip
         (tmp_path / "cart.yaml").write_bytes(content)
         assert re.search(rf"cart\.yaml .*{why}", refusal_of(read_yaml, tmp_path / "cart.yaml"))
 

@@ -158,14 +158,10 @@ def test_an_extra_has_its_own_and_included_requirements_and_those_missing_are_fo
 ) -> None:
     """A package with nested extras; a missing package is absent or of another version."""
     requires = [
-        "numpy>=1.26",
-        "mujoco; python_version >= '3'",
-        "winonly; sys_platform == 'nowhere'",
-        "jax; extra == 'train'",
-        "footfall[train,video]; extra == 'all'",
-        "av>=10; extra == 'video'",
+        "numpy>=1.26", "mujoco; python_version >= '3'", "winonly; sys_platform == 'nowhere'",
+        "jax; extra == 'train'", "footfall[train,video]; extra == 'all'", "av>=10; extra == 'video'",
         "pytest; extra == 'dev'",
-    ]
+    ]  # fmt: skip
     there = {"numpy": "1.25", "jax": "0.4", "av": "11.0rc1"}
 
     def find(name: str) -> str:

@@ -127,14 +127,10 @@ def test_a_tilt_that_differs_from_the_joints(go1: Robot, axis: str, begin_s: flo
     tilt, sway, pose = by_rad * BUMP, swaying(go1, by_rad, 1.0), go1.default_pose
     travel = np.array([sway(begin_s + min(t, 0.999)) for t in TIME_S])
     for by_imu, by_joints, expected in (
-        (tilt, 1.0, []),
-        (tilt + 0.05, 1.0, []),
-        (0.32 * tilt, 0.32, []),
-        (tilt / 2, 1.0, [f"{axis} 50%"]),
-        (-tilt, 1.0, [f"{axis} -100%"]),
-        (0.28 * tilt, 0.28, ["legs do not tilt"]),
+        (tilt, 1.0, []), (tilt + 0.05, 1.0, []), (0.32 * tilt, 0.32, []), (tilt / 2, 1.0, [f"{axis} 50%"]),
+        (-tilt, 1.0, [f"{axis} -100%"]), (0.28 * tilt, 0.28, ["legs do not tilt"]),
         (0.0 * tilt, 0.0, ["legs do not tilt"]),
-    ):
+    ):  # fmt: skip
         zero, sine, cosine = np.zeros(101), np.sin(by_imu), np.cos(by_imu)
         up = np.stack([zero, sine, cosine] if axis == "roll" else [-sine, zero, cosine], axis=1)
         rows = {"target": pose + travel, "position": pose + by_joints * travel, "up": up}

@@ -19,13 +19,9 @@ from footfall.deploy.wiring_check.config import WiringCheckConfig
 
 # Files with these settings are refused: a figure is out of its range, or figures contradict each other.
 REFUSED = (
-    "joint_rate_hz: .nan",
-    "realtime_priority: 200",
-    "estimator: {contact: {force_share: [0.8, 0.2]}}",
-    "estimator: {contact: {force_share: [0.5, 0.5]}}",
-    "estimator: {contact: {rise_s: 0}}",
-    "estimator: {filter: {leg_velocity_noise: 0}}",
-    "estimator: {odometry: {scale_error: -0.01}}",
+    "joint_rate_hz: .nan", "realtime_priority: 200", "estimator: {contact: {force_share: [0.8, 0.2]}}",
+    "estimator: {contact: {force_share: [0.5, 0.5]}}", "estimator: {contact: {rise_s: 0}}",
+    "estimator: {filter: {leg_velocity_noise: 0}}", "estimator: {odometry: {scale_error: -0.01}}",
     "estimator: {odometry: {level_ground: 1}}",
     "motor_timeout_s: 0.11",  # go1's motors wait for 0.1 s, independently of the file
     "safety: {silence_timeout_s: .nan}",
@@ -43,7 +39,7 @@ REFUSED = (
     "safety: {sensors: {drift_rad: .nan}}",
     "safety: {sensors: {speed_share: 0.9}}",
     "safety: {sensors: {torque_hidden: 0.06, torque_much: 0.06}}",
-)
+)  # fmt: skip
 ACCEPTED = (
     "safety: {silence_timeout_s: 0.004}",
     "{stand_kp_scale: 0.1, stand_kd_scale: 0}",

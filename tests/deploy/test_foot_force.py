@@ -52,10 +52,10 @@ class TestFrames:
             assert any(0x313 & each["can_mask"] == each["can_id"] for each in filters) is passes
 
 
-def walk(robot: Robot, duration_s: float = 1.2, watch: Any = None, **settings: Any) -> Trace:
+def walk(robot: Robot, watch: Any = None, **settings: Any) -> Trace:
     """A walk of mpc, which uses the estimate."""
-    ahead = {"command_source": lambda _: np.array([0.3, 0.0, 0.0]), "duration_s": duration_s}
-    return run_episode(robot, load_policy("mpc", robot), short_episode(**ahead, **settings), watch)
+    episode = short_episode(command_source=lambda _: np.array([0.3, 0.0, 0.0]), **settings)
+    return run_episode(robot, load_policy("mpc", robot), episode, watch)
 
 
 def test_bad_declarations_are_refused(own_folder: Path, go1: Robot) -> None:
@@ -83,7 +83,7 @@ class TestWalk:
                 wrong = np.array([0.0, 0.0, 3000.0, -50.0])
                 body.foot_sensors.distort = lambda true: np.roll(true, 2) if exchanged else wrong
 
-        trace = walk(SENSING, 1.0, distort)
+        trace = walk(SENSING, distort)
         assert (trace.fell, trace.faults) == (False, ())
         assert sum("force sensor" in note for note in trace.notes) == 4
         assert np.abs(trace.estimated_velocity - trace.base_velocity)[-20:, 0].mean() < 0.005
@@ -96,7 +96,7 @@ class TestWalk:
             "foot_force_offset_n": np.array([0.0, 0.0, 10.0, 0.0]),
             "foot_force_noise_n": np.array([0.0, 0.0, 0.0, 5.0]),
         }
-        trace = walk(SENSING, 0.2, sample=sample, log=log, config=DeployConfig(stand_s=0.8))
+        trace = walk(SENSING, duration_s=0.2, sample=sample, log=log, config=DeployConfig(stand_s=0.8))
         assert not trace.notes
         time_s, logged = read_columns(log).column("/foot_forces", 4)
         still = logged[(time_s > 0.5) & (time_s < 0.8)]

@@ -111,13 +111,8 @@ def test_a_robot_whose_replies_are_late_stands_up(go1: Robot, maker: str) -> Non
     robot = with_motors(go1, **MAKERS[maker])
     simulated = Simulation(robot, motor_timeout_s=None, hanging=True)
     simulated.bus.incoming = late(1000 if maker == "Damiao" else 5000)
-    session = Session(
-        stand_still,
-        0.05,
-        realtime=False,
-        config=DeployConfig(stand_s=0.1, safety=SafetyConfig(damping_s=0.1)),
-        lie_down=False,
-    )
+    config = DeployConfig(stand_s=0.1, safety=SafetyConfig(damping_s=0.1))
+    session = Session(stand_still, 0.05, realtime=False, config=config, lie_down=False)
     outcome = run_session(robot, Hold(robot), simulated.bus, session)
     assert (outcome.faults, outcome.final_state) == ((), "IDLE")
 

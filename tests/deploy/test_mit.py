@@ -18,15 +18,11 @@ from footfall.deploy.wiring import wiring_of
 from footfall.plant.motor_ends.mit import MitMotorEnd
 
 HIGHEST = {  # velocity rad/s, stiffness N m/rad, damping N m s/rad, torque N m; position 12.5 rad
-    "AK80-9": (50.0, 500.0, 5.0, 18.0),
-    "AK80-6": (76.0, 500.0, 5.0, 12.0),
-    "AK70-10": (50.0, 500.0, 5.0, 25.0),
-    "AK60-6": (50.0, 500.0, 5.0, 15.0),
-    "AK10-9": (50.0, 500.0, 5.0, 65.0),
-    "AK80-64": (8.0, 500.0, 5.0, 144.0),
-    "MIT-40-150": (40.0, 500.0, 5.0, 150.0),
-    "MIT-65-500": (65.0, 4000.0, 100.0, 500.0),
-}
+    "AK80-9": (50.0, 500.0, 5.0, 18.0), "AK80-6": (76.0, 500.0, 5.0, 12.0),
+    "AK70-10": (50.0, 500.0, 5.0, 25.0), "AK60-6": (50.0, 500.0, 5.0, 15.0),
+    "AK10-9": (50.0, 500.0, 5.0, 65.0), "AK80-64": (8.0, 500.0, 5.0, 144.0),
+    "MIT-40-150": (40.0, 500.0, 5.0, 150.0), "MIT-65-500": (65.0, 4000.0, 100.0, 500.0),
+}  # fmt: skip
 CODEC, N = mit.Codec(list(mit.RANGES)), len(mit.RANGES)
 ALL = np.arange(N)
 AK80_9 = mit.Codec(["AK80-9"])

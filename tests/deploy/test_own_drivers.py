@@ -74,10 +74,8 @@ def array_property(*shape: int) -> property:
 
 REQUIRED = "identifiers", "replies", "error_name", "filters", "maker", "damping", "not_confirmed_off"
 WRONG_ATTRIBUTES: list[tuple[str, Any]] = [
-    ("lowest", array_property(2)),
-    ("gain_rounding", array_property(2, 3)),
-    ("exchange_bits", array_property(5)),
-    ("command", lambda self, values: values),
+    ("lowest", array_property(2)), ("gain_rounding", array_property(2, 3)),
+    ("exchange_bits", array_property(5)), ("command", lambda self, values: values),
     ("enable", lambda self: None),
     ("zero", lambda self: no_frames()._replace(data=np.zeros((0, 7), np.uint8))),
     ("disable", lambda self: 1 / 0),
@@ -88,7 +86,7 @@ WRONG_ATTRIBUTES: list[tuple[str, Any]] = [
     ("replies", lambda self, frames: np.zeros((3, 0))),
     ("replies", lambda self, frames: Replies(np.zeros(0, int), *np.zeros((4, 0)), None)),
     ("__init__", lambda self: None),
-]
+]  # fmt: skip
 
 
 def test_an_unsuitable_motor_driver_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -150,18 +150,10 @@ class TestStart:
 
 # Each request in each mode, and the mode to which it leads a robot that can lie down.
 REQUESTS: list[tuple[Mode, dict[str, Any], Mode]] = [
-    (S, {}, S),
-    (S, {"posture_done": True}, W),
-    (P, {}, P),
-    (P, {"end.stopped": True}, L),
-    (L, {}, L),
-    (L, {"posture_done": True}, R),
-    (L, {"end.skip_lie_down": True}, R),
-    (N, {"end.finish": True} | STARTED, R),
-    (S, {"end.finish": True}, L),
-    (W, {"end.finish": True}, P),
-    (P, {"end.finish": True}, P),
-    (L, {"end.finish": True}, L),
+    (S, {}, S), (S, {"posture_done": True}, W), (P, {}, P), (P, {"end.stopped": True}, L), (L, {}, L),
+    (L, {"posture_done": True}, R), (L, {"end.skip_lie_down": True}, R),
+    (N, {"end.finish": True} | STARTED, R), (S, {"end.finish": True}, L), (W, {"end.finish": True}, P),
+    (P, {"end.finish": True}, P), (L, {"end.finish": True}, L),
     (W, {"end.finish": True, "end.skip_lie_down": True}, R),
     (P, {"end.finish": True, "end.skip_lie_down": True}, R),
     (N, {"end.finish": True, "end.may_lie": False} | STARTED, R),
@@ -169,7 +161,7 @@ REQUESTS: list[tuple[Mode, dict[str, Any], Mode]] = [
     (W, {"end.finish": True, "end.may_lie": False}, R),
     (W, {"end.finish": True, "end.may_lie": False, "end.caught": True}, P),
     (P, {"end.stopped": True, "end.may_lie": False, "end.caught": True}, R),
-]
+]  # fmt: skip
 
 
 class TestProgress:
@@ -220,13 +212,10 @@ class TestGettingUp:
 
 def test_a_limit_itself_passes_and_the_guard_waits_for_the_longer_limit() -> None:
     for name, limit in (
-        ("motors.silence_s", CONFIG.silence_timeout_s),
-        ("imu.silence_s", CONFIG.silence_timeout_s),
-        ("imu.tilt_rad", CONFIG.tilt_limit_rad),
-        ("policy.step_s", CONFIG.late_limit_s),
-        ("time.pause_s", CONFIG.pause_limit_s),
-        ("time.skipped_share", CONFIG.skipped_share),
-    ):
+        ("motors.silence_s", CONFIG.silence_timeout_s), ("imu.silence_s", CONFIG.silence_timeout_s),
+        ("imu.tilt_rad", CONFIG.tilt_limit_rad), ("policy.step_s", CONFIG.late_limit_s),
+        ("time.pause_s", CONFIG.pause_limit_s), ("time.skipped_share", CONFIG.skipped_share),
+    ):  # fmt: skip
         assert [after(W, {name: share * limit}).mode is W for share in (1.0, 1.001)] == [True, False]
         if "silence" in name:
             assert [after(N, STARTED | {name: share * limit}).mode for share in (1.0, 1.001)] == [S, N]

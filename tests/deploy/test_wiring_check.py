@@ -92,7 +92,7 @@ def test_right_wiring_passes_lying_and_standing(go1: Robot, motions: Motions) ->
 def test_wrong_wiring_is_named_before_the_robot_walks(
     motions: Motions, robot: str, inject: Inject, lying: bool, names: list[str]
 ) -> None:
-    motions(settle_s=0.6 if robot == "go1" else 0.5, move_s=0.2)
+    motions(settle_s=0.25, move_s=0.2)
     outcome, _ = checked(load_robot(robot), inject, lying)
     assert (outcome.final_state, outcome.walked_s) == ("ESTOP", 0.0)
     assert all(name in outcome.faults[0] for name in names), outcome.faults

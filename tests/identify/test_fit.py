@@ -10,7 +10,6 @@ import pytest
 
 from footfall.common.errors import UserError
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.safety import SafetyConfig
 from footfall.domain_rand.randomisation import load_randomisation, randomisation_of
 from footfall.domain_rand.sample import Sample
 from footfall.evaluate.report import fit_page
@@ -29,7 +28,7 @@ from footfall.train.actuator_net import NetConfig
 
 ROBOT = load_robot("go1")
 LEG = fixed_legs(ROBOT)[0]
-LOOP = DeployConfig(joint_rate_hz=250.0, stand_s=0.1, safety=SafetyConfig(damping_s=0.01))
+LOOP = DeployConfig(joint_rate_hz=250.0, stand_s=0.1)
 SHORT = ExcitationConfig(settle_s=0.3, triangle_s=0.5, chirp_s=0.6, burst_s=0.3)
 QUICK = FitConfig(rounds=2, rate_hz=125.0, window_s=0.4, explain=False)
 N = len(ROBOT.joint_names)

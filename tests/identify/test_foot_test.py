@@ -43,7 +43,7 @@ def test_motors_that_report_twice_their_torque_are_found() -> None:
 
 def test_the_foot_of_a_simulated_robot_reaches_all_positions(tmp_path: Path) -> None:
     motion, found = tmp_path / "motion.yaml", tmp_path / "found.json"
-    motion.write_text("{settle_s: 0.3, move_s: 0.3, hold_s: 0.2, reach_m: 0.04}")
+    motion.write_text("{settle_s: 0.3, move_s: 0.2, hold_s: 0.1, reach_m: 0.04}")
     assert main(["identify", "foot", "FL", "--motion", str(motion), "--json", str(found)]) == 0
     measured = json.loads(found.read_text())["held"]
     commanded, reached = (

@@ -11,7 +11,6 @@ import yaml
 from shell import Shell
 
 from footfall.deploy.config import DeployConfig
-from footfall.deploy.safety import SafetyConfig
 from footfall.identify.excitation import ExcitationConfig
 from footfall.identify.record import record
 from footfall.identify.recording import Recording, read_recording
@@ -40,8 +39,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     path = tmp_path_factory.mktemp("recording") / "converted.csv"
     short = ExcitationConfig(settle_s=0.3, triangle_s=0.4, chirp_s=0.6, burst_s=0.2)
     bus = simulated_bus(ROBOT, {"joint_friction": np.full(len(JOINTS), 2.0)})
-    loop = DeployConfig(joint_rate_hz=250.0, stand_s=0.1, safety=SafetyConfig(damping_s=0.01))
-    record(ROBOT, bus, path.with_suffix(".own"), short, loop)
+    record(ROBOT, bus, path.with_suffix(".own"), short, DeployConfig(joint_rate_hz=250.0, stand_s=0.1))
     own = read_recording(path.with_suffix(".own"), ROBOT)
     with path.open("w", newline="") as file:
         writer = csv.writer(file)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from footfall import Episode, Robot, load_policy, run_episode
 from footfall.common.rotations import heading, heading_matrix, wrap_angle
 from footfall.deploy.battery import BatteryState
 from footfall.deploy.command_source import Behaviour, Pose, Request
-from footfall.deploy.config import deploy_config
+from footfall.deploy.config import DeployConfig
 from footfall.operate.abilities import abilities_of
 from footfall.operate.missions.activities import Input, Reach
 from footfall.operate.missions.follow import Tracking
@@ -184,9 +183,7 @@ def test_a_mission_steers_the_simulated_robot_and_ends_the_run(go1: Robot) -> No
     steps = [{"go_to": {"to": [0.3, 0.0], "heading_deg": 30.0}}]
     mission = mission_of({"speed_m_s": 0.5, "steps": steps, "tracking": {"tolerance_m": 0.03}}, "mission")
     source = MissionSource(mission, policy.name, abilities_of({"go1-flat": policy}, go1))
-    episode = Episode(
-        source, 30.0, config=replace(deploy_config(go1), odometry=True, stand_s=0.2), record_rate_hz=10.0
-    )
+    episode = Episode(source, 30.0, config=DeployConfig(odometry=True, stand_s=0.2), record_rate_hz=10.0)
     trace = run_episode(go1, policy, episode)
     assert (source.progress.done, trace.final_state, trace.fell) == (True, "IDLE", False)
     assert source.progress.error_m <= 0.03

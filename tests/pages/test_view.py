@@ -189,7 +189,7 @@ def test_state_from_a_runs_feed_is_the_simulated_robots(go1: Robot, tmp_path: Pa
             seen.policy = feed.fact("policy")
 
     command = np.array([0.4, 0.0, 0.2])
-    config = replace(deploy_config(go1), odometry=True)
+    config = replace(deploy_config(go1), odometry=True, stand_s=0.2)
     run_episode(go1, policy, Episode(lambda _: command, 0.7, feed=path, config=config), watch)
     assert eventually(lambda: feed.ended)
     now, truth = seen.moment, seen.truth

@@ -15,17 +15,18 @@ from footfall.robots.description import Robot
 above_zero = st.floats(0, exclude_min=True, allow_nan=False, allow_infinity=False)
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 ranges = st.tuples(numbers, numbers)
-terms = st.builds(Term, st.text(), numbers, st.integers(1, 9))
+text = st.text(max_size=6)
+terms = st.builds(Term, text, numbers, st.integers(1, 9))
 
 
 @st.composite
 def contracts(draw: st.DrawFn) -> Contract:
     """Any valid contract."""
-    joints = draw(st.lists(st.text(), max_size=6).map(tuple))
+    joints = draw(st.lists(text, max_size=6).map(tuple))
     per_joint = st.lists(numbers, min_size=len(joints), max_size=len(joints)).map(tuple)
     return Contract(
-        robot=draw(st.text()),
-        digest=draw(st.text()),
+        robot=draw(text),
+        digest=draw(text),
         joints=joints,
         control_rate_hz=draw(st.floats(1.0, 1000.0)),
         observation=draw(st.lists(terms, min_size=1).map(tuple)),
@@ -84,14 +85,9 @@ def test_a_wrong_field_is_named(contract: Contract) -> None:
 def test_a_mismatch_names_its_field_only(contract: Contract, go1: Robot) -> None:
     """If the joints differ, values per joint are not listed; if any field differs, the digest is not."""
     other: dict[str, Any] = {
-        "robot": "go2",
-        "version": 0,
-        "digest": "0123456789abcdef",
-        "default_pose_rad": (0.0,) * 12,
-        "joints": tuple(f"joint_{i}" for i in range(12)),
-        "kp": (20.0,) * 12,
-        "kd": (0.5,) * 12,
-    }
+        "robot": "go2", "version": 0, "digest": "0123456789abcdef", "default_pose_rad": (0.0,) * 12,
+        "joints": tuple(f"joint_{i}" for i in range(12)), "kp": (20.0,) * 12, "kd": (0.5,) * 12,
+    }  # fmt: skip
     for changed, named in (
         ((), []),
         *(((field,), [field]) for field in other),

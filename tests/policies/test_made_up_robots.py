@@ -12,7 +12,7 @@ from made_up import BIPED, FIVE, PITCH, ROLL, SOLES, Hinge, Leg, quadruped_leg, 
 from moments import under_load
 from tiny_policy import write_network
 
-from footfall import Episode, Policy, PolicyInput, Robot, Trace, load_policy, load_robot, run_episode
+from footfall import Policy, PolicyInput, Robot, Trace, load_policy, load_robot, run_episode
 from footfall.common.config import unstructure
 from footfall.common.rotations import heading
 from footfall.deploy.estimation.estimator import BaseEstimator
@@ -90,14 +90,11 @@ TAIL = Leg(  # the fifth leg, in the middle plane behind
         Hinge(PITCH, (0.01, 0.0, -0.21), -1.5, (-2.7, -0.4)),
     ),
 )
+AHEAD = {"command_source": lambda _: np.array([0.2, 0.0, 0.0]), "seed": 1}
 LEGS = [
     *(quadruped_leg("fl", 0.2, 0.1), quadruped_leg("fr", 0.2, -0.1), quadruped_leg("ml", -0.05, 0.12)),
     *(TAIL, quadruped_leg("mr", -0.05, -0.12)),
 ]
-
-
-def ahead(duration_s: float) -> Episode:
-    return short_episode(command_source=lambda _: np.array([0.2, 0.0, 0.0]), duration_s=duration_s, seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -125,7 +122,7 @@ def test_five_legs_track_the_command_over_the_bus(five: Robot) -> None:
     policy = load_policy("wave", five)
     assert isinstance(policy, Walk)
     assert policy.gaits == ("wave",)  # go1's other gaits do not fit five legs
-    trace = run_episode(five, policy, ahead(3.0))
+    trace = run_episode(five, policy, short_episode(**AHEAD, duration_s=3.0))
     late = trace.time_s > 1.5
     walked = trace.base_position[-1] - trace.base_position[np.argmax(late)]
     assert (trace.final_state, trace.faults, trace.fell) == ("IDLE", (), False)
@@ -169,7 +166,7 @@ def run(robot: Robot, policy: Policy, duration_s: float) -> Trace:
     def watch(_: ControlLoop, body: SimulatedRobot) -> None:
         bodies[:] = [body]
 
-    trace = run_episode(robot, policy, ahead(duration_s), watch)
+    trace = run_episode(robot, policy, short_episode(**AHEAD, duration_s=duration_s), watch)
     assert not bodies[0].motors_on.any()
     return trace
 

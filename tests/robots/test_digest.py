@@ -135,13 +135,10 @@ def test_all_properties_of_tendons_and_constraints_count(own_folder: Path) -> No
         *with_each('name="tie"', *losses),
         ('limited="false" range="-1 1"', 'limited="true" range="-1 1"'),
         ('limited="false" range="-1 1"', 'limited="false" range="-1 2"'),
-        ('coef="1"', 'coef="2"'),
-        ('joint="FR_calf', 'joint="FL_calf'),
-        ('"0 1 0 0 0"', '"0 2 0 0 0"'),
-        ('joint2="RR_hip', 'joint2="RL_hip'),
-        ('joint1="FR_hip', 'joint1="FL_hip'),
+        ('coef="1"', 'coef="2"'), ('joint="FR_calf', 'joint="FL_calf'), ('"0 1 0 0 0"', '"0 2 0 0 0"'),
+        ('joint2="RR_hip', 'joint2="RL_hip'), ('joint1="FR_hip', 'joint1="FL_hip'),
         *with_each("<equality><joint", 'active="false"', 'solref="0.05 1"', 'solimp="0.8 0.9 0.01"'),
-    )
+    )  # fmt: skip
 
 
 def test_a_collision_mesh_counts_with_its_own_corners(own_folder: Path) -> None:

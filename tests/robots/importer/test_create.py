@@ -184,12 +184,10 @@ def test_a_file_without_a_legged_robot_is_refused(shell: Shell) -> None:
 
 def test_options_that_match_no_joint_or_link_are_refused(shell: Shell) -> None:
     for option, value, named in (
-        ("--peak-torque", "a=b", "positive"),
-        ("--armature", "-1", "positive"),
-        ("--speed", "wrist=3", "'wrist'"),
-        ("--feet", "FL_shank,nix", "'nix'"),
+        ("--peak-torque", "a=b", "positive"), ("--armature", "-1", "positive"),
+        ("--speed", "wrist=3", "'wrist'"), ("--feet", "FL_shank,nix", "'nix'"),
         ("--feet", "FL_shank,trunk", "'trunk'"),
-    ):
+    ):  # fmt: skip
         assert named in refusal(shell, quadruped(), option, value)
 
 
