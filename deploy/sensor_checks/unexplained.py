@@ -18,7 +18,7 @@ from footfall.deploy.sensor_checks.joint_window import JointWindow
 from footfall.deploy.sensor_checks.torque import TorqueLimits
 from footfall.robots.description import Robot
 
-WINDOWS_PER_SHARE = 4  # a motor that ignores commands does so for long, and this check is slow
+WINDOWS_PER_SHARE = 2  # a motor that ignores commands does so for long, and this check is slow
 
 
 @dataclass(frozen=True)
