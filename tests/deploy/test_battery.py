@@ -101,7 +101,8 @@ def test_a_low_battery_slows_the_robot_weakens_its_motors_and_lays_it_down(go1: 
         if loop.walking and battery.allowed < 1.0:
             result.append((battery.charge - body.battery.charge, battery.allowed, loop.status.command[0]))  # type: ignore[union-attr]
 
-    settings = {"config": DeployConfig(stand_s=0.4, joint_rate_hz=250.0), "charge": 0.35, "lie_down": True}
+    config = DeployConfig(stand_s=0.4, joint_rate_hz=250.0, pose_rate_rad_s=3.0)
+    settings = {"config": config, "charge": 0.35, "lie_down": True}
     episode = short_episode(command_source=lambda _: np.array([1.0, 0.0, 0.0]), duration_s=10.0, **settings)
     trace = run_episode(robot, Hold(robot), episode, watch)
     error, allowed, forward = np.array(result).T

@@ -53,7 +53,9 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 @pytest.fixture(scope="module")
 def fit(recording: Recording) -> LegFit:
-    return fit_leg(LEG, [recording], config=QUICK)
+    """The third joint's torque readings are too high, which must not shift the parameters."""
+    read = replace(recording, torque=recording.torque * np.where(np.arange(N) == 2, 1.3, 1.0))
+    return fit_leg(LEG, [read], config=QUICK)
 
 
 def test_a_fit_finds_the_parameters_of_the_simulated_robot_and_predicts_held_out_motion(fit: LegFit) -> None:
@@ -152,12 +154,9 @@ def test_torque_readings_that_contradict_the_motion_are_noticed(
     assert (torque_error(problem, at, noise) > TORQUE_SHARE).tolist() == [False, False, wrong]
 
 
-def test_wrong_torque_readings_do_not_shift_the_parameters(recording: Recording) -> None:
-    read = replace(recording, torque=recording.torque * np.where(np.arange(N) == 2, 1.3, 1.0))
-    fit = fit_leg(LEG, [read], config=QUICK)
+def test_wrong_torque_readings_are_named(fit: LegFit) -> None:
     assert (fit.torque_error > TORQUE_SHARE).tolist() == [False, False, True]
     assert fit.torque_error[2] == pytest.approx(1.0 - 1.0 / 1.3, abs=0.02)  # a shifted fit hides half of it
-    assert fit.value("armature", LEG.joint_names[2]) == pytest.approx(1.2, rel=0.05)
 
 
 def test_a_page_shows_each_joint_and_is_self_contained(fit: LegFit, monkeypatch: pytest.MonkeyPatch) -> None:

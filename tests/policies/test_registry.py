@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from edited import content_of
+from quick_relaxed import write_quick
 from refused import refusal_of
 from shell import Shell
 from tiny_policy import write_policy
@@ -95,7 +96,8 @@ class TestOwn:
         policy = load_policy("mine:Sway", go1)
         assert isinstance(policy, Policy)
         assert policy.name == "sway"
-        ended = Shell(capsys)("deploy", "mine:Sway", "--command", "0,0,0", "--duration", "0.3")
+        more = "--command", "0,0,0", "--duration", "0.3", "--config", write_quick(tmp_path)
+        ended = Shell(capsys)("deploy", "mine:Sway", *more)
         assert ended.status == 0, ended.err
         # No file beside the class replaces a library.
         found = PathFinder.find_spec("this")
