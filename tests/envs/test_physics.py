@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
+from go1_smoke import FEW_TERMS, ROBOT, SMOKE
 
 from footfall.domain_rand.randomisation import load_randomisation
 from footfall.envs.batch import step_batch
@@ -20,12 +21,9 @@ from footfall.envs.physics.interface import Drive, Motion
 from footfall.envs.physics.mjx import mjx_physics
 from footfall.envs.state import State
 from footfall.robots.actuator import JointCommand, joint_damping, joint_torque, lag_over
-from footfall.robots.description import load_robot
 from footfall.robots.model import joint_addresses, training_model
-from footfall.train.config import load_preset
 
-ROBOT = load_robot("go1")
-SMOKE = replace(load_preset("smoke").env, randomisation=load_randomisation())
+CONFIG = replace(SMOKE, **FEW_TERMS | {"randomisation": load_randomisation()})
 ROBOTS, STEPS, COMPARED_EVERY = 32, 24, 4
 EFFECTS = {
     "lag_s": 0.004, "stribeck": 0.3, "load_friction": 0.06, "backlash": 0.01, "compliance": 0.002,
@@ -43,7 +41,7 @@ IN_C = pytest.mark.parametrize("engine", ["c"], indirect=True)
 
 @pytest.fixture(scope="module")
 def env(engine: str) -> LocomotionEnv:
-    return LocomotionEnv(ROBOT, replace(SMOKE, physics=engine))
+    return LocomotionEnv(ROBOT, replace(CONFIG, physics=engine))
 
 
 @pytest.fixture(scope="module")
