@@ -1,7 +1,6 @@
 """Permitted imports between modules, and the import time of the packages that act."""
 
 import ast
-import subprocess
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -146,26 +145,3 @@ def test_acting_packages_import_fast_and_without_learning(
         print(f"\npackages that act import in {seconds:.2f} s of CPU time (budget {IMPORT_BUDGET_S} s)")
     assert seconds < IMPORT_BUDGET_S * CI_SLACK
     assert [name for name in loaded if belongs_to(name, LEARNING_ONLY)] == []
-
-
-def test_the_help_needs_no_numpy() -> None:
-    """NumPy would add a third to the time of `footfall --help`."""
-    script = "import sys; from footfall.cli import main; print(main(['--help']), 'numpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "0 False"
-
-
-DEPLOY_ON_SOCKETCAN = """
-import sys
-from footfall.cli import main
-status = main(["deploy", "stand", "--bus", "socketcan"])
-print(status, sorted(name for name in sys.modules if name.startswith("footfall.plant")))
-"""
-
-
-def test_deploy_on_a_robot_imports_no_simulation() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", DEPLOY_ON_SOCKETCAN], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert "'can0'" in done.stderr
-    assert done.stdout.splitlines()[-1] == "2 []"

@@ -16,10 +16,10 @@ from unittest.mock import Mock
 import jax
 import numpy as np
 import pytest
+from go1_smoke import FEW_IN_C
 
 from footfall.common.config import dump
 from footfall.common.errors import UserError
-from footfall.domain_rand.randomisation import Randomisation
 from footfall.train import api, cluster
 from footfall.train.brax.devices import caches_programs, device_mesh
 from footfall.train.config import load_preset
@@ -36,12 +36,8 @@ def test_two_processes_train_one_run_that_one_process_continues(
 ) -> None:
     """The task has few terms and small networks, because each process compiles it."""
     smoke = load_preset("smoke")
-    env = replace(
-        smoke.env, physics="c", observation=smoke.env.observation[:3], rewards=smoke.env.rewards[2:3],
-        critic=smoke.env.critic[:2], events=(), gait=None, randomisation=Randomisation(),
-    )  # fmt: skip
     ppo = replace(smoke.ppo, actor_hidden_dims=(8,), critic_hidden_dims=(8,))
-    small = replace(smoke, ppo=ppo, env=env, checkpoint_interval_s=0.0)
+    small = replace(smoke, ppo=ppo, env=FEW_IN_C, checkpoint_interval_s=0.0)
     (tmp_path / "small.yaml").write_text(dump(small))
     with socket.socket() as free:
         free.bind(("localhost", 0))
