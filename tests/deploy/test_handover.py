@@ -99,8 +99,8 @@ def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> N
         (0.0, Request(ahead)),
         (0.1, Request(ahead, policy="mpc", gait="waltz")),  # the run has neither
         (0.2, Request(ahead, gait="walk", settings={"step_height_m": 0.03, "step_period_s": 0.55})),
-        (0.4, Request(ahead, policy="go1-flat")),
-        (1.0, Request(ahead, policy="trot")),
+        (0.3, Request(ahead, policy="go1-flat")),
+        (0.8, Request(ahead, policy="trot")),
     )
     source = Mock(spec=["poll", "stopped"], stopped=None)
     source.poll.side_effect = lambda status: [each for at_s, each in requests if status.walking_s >= at_s][-1]
@@ -108,7 +108,7 @@ def test_a_run_with_switches_replays_to_the_bit(go1: Robot, tmp_path: Path) -> N
     log = tmp_path / "run.mcap"
     config = DeployConfig(stand_s=0.4, handover=HandoverConfig(0.2, 1.0, 0.1))
     by_name = {policy.name: policy for policy in others}
-    episode = Episode(source, 2.1, config=config, log=log, others=by_name, record=False)
+    episode = Episode(source, 1.7, config=config, log=log, others=by_name, record=False)
     trace = run_episode(go1, first, episode)
     assert not trace.fell
     statuses = [call.args[0] for call in source.poll.mock_calls]
