@@ -26,7 +26,19 @@ from footfall.train.config import load_preset
 from footfall.train.progress import newest_checkpoint
 from footfall.train.runs import checkpoint
 
-SUPPORT = Path(__file__).parents[1] / "support"
+SCRIPT = Path(__file__).parents[1] / "support" / "two_devices.py"
+BOTH_PROCESSES = """
+import os, sys
+import footfall.train.brax.trainer  # once for both
+from footfall.__main__ import main
+for index in "01":
+    if os.fork() == 0:
+        sys.argv += ["--process", index]
+        printed = os.open(f"printed{index}", os.O_CREAT | os.O_WRONLY)
+        os.dup2(printed, 1), os.dup2(printed, 2)
+        sys.exit(main())
+sys.exit(any([os.wait()[1] for _ in "01"]))
+"""
 # The older partitioner, as with jax 0.11 (envs/workarounds/partitioner.py): Shardy compiles more.
 TWO = {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu", "JAX_USE_SHARDY_PARTITIONER": "0"}
 
@@ -45,7 +57,7 @@ def test_two_processes_train_one_run_that_one_process_continues(
     options = (
         f"--preset small.yaml --steps 1024 --out run --no-evaluate --processes 2 --coordinator {coordinator}"
     )
-    command = [sys.executable, str(SUPPORT / "two_processes.py"), "train", *options.split()]
+    command = [sys.executable, "-c", BOTH_PROCESSES, "train", *options.split()]
     started = subprocess.Popen(command, cwd=tmp_path, start_new_session=True)
     try:
         status = started.wait(timeout=420)
@@ -95,7 +107,7 @@ def test_a_failure_in_one_process_is_reported_in_each(monkeypatch: pytest.Monkey
 
 def test_each_device_learns_from_its_share_and_both_end_with_the_same_parameters() -> None:
     """Equal shares train as one device does; statistics of each device reach both."""
-    command, pipes = [sys.executable, str(SUPPORT / "two_devices.py")], {"capture_output": True, "text": True}
+    command, pipes = [sys.executable, str(SCRIPT)], {"capture_output": True, "text": True}
     done = subprocess.run(command, env=os.environ | TWO, timeout=300, check=False, **pipes)
     assert done.returncode == 0, done.stderr[-2000:]
     results = json.loads(done.stdout.splitlines()[-1])
