@@ -55,7 +55,7 @@ def test_a_policy_gets_the_true_velocity_only_on_request() -> None:
     estimating, knowing = (run_task(replace(task, ground_truth=truth)).trace for truth in (False, True))
     assert estimating is not None
     assert knowing is not None
-    assert np.array_equal(knowing.estimated_velocity, knowing.base_velocity)
+    np.testing.assert_allclose(knowing.estimated_velocity, knowing.base_velocity, atol=1e-12)
     assert not np.allclose(estimating.estimated_velocity, estimating.base_velocity, atol=1e-3)
 
 
