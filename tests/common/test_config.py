@@ -160,8 +160,7 @@ def test_an_empty_file_changes_nothing(tmp_path: Path) -> None:
 def test_a_merge_replaces_leaf_by_leaf_and_leaves_both_as_they_were() -> None:
     base = {"a": {"b": 1, "c": {"d": 2}}, "e": [1, 2], "f": {"g": 1}}
     changes = {"a": {"c": {"d": 3, "new": 4}}, "e": [9], "f": 5, "h": {"i": 6}}
-    expected = {"a": {"b": 1, "c": {"d": 3, "new": 4}}, "e": [9], "f": 5, "h": {"i": 6}}
-    assert merged(base, changes) == expected
+    assert merged(base, changes) == {"a": {"b": 1, "c": {"d": 3, "new": 4}}, "e": [9], "f": 5, "h": {"i": 6}}
     assert base == {"a": {"b": 1, "c": {"d": 2}}, "e": [1, 2], "f": {"g": 1}}
     assert merged({"a": 1}, {"a": {"b": 2}}) == {"a": {"b": 2}}
 
@@ -183,8 +182,7 @@ def test_keys_of_earlier_versions_still_load_but_not_beside_the_new_ones(go1: Ro
         settings = load_settings(spec, go1)
         assert settings.contact.max_force_n == 150.0
         assert (settings.slope.max_gradient, settings.slope.deadband) == (0.4, 0.1)
-    wbc = load_settings("mpc-wbc@whole_body.contact.damping_s=3.0", go1)
-    assert wbc.whole_body.contact.damping == 3.0
+    assert load_settings("mpc-wbc@whole_body.contact.damping_s=3.0", go1).whole_body.contact.damping == 3.0
     assert load_settings("trot@touch_down.inertia_doubt=0.3", go1).touch_down.inertia_uncertainty == 0.3
     battery = "{least_share: 0.7, off_cell_v: 0.4}"
     file.write_text(f"safety: {{recovery: {{asked: true}}, battery: {battery}, sensors: {{limp_s: 0.2}}}}")

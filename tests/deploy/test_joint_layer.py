@@ -33,8 +33,7 @@ def replies(robot: Robot, position: np.ndarray, velocity: np.ndarray | float = 0
 
 class TestCommands:
     def test_targets_continue_after_damping(self, go1: Robot, layer: JointLayer) -> None:
-        rest = np.outer([0.0, 20.0, 0.5, 0.0], np.ones(12))
-        requested = JointCommand(go1.default_pose, *rest)
+        requested = JointCommand(go1.default_pose, *np.outer([0.0, 20.0, 0.5, 0.0], np.ones(12)))
         layer.command(requested)  # whose target is reached at once
         layer.absorb([replies(go1, go1.default_pose + 0.3)], 0)
         layer.damping(3.0)
@@ -79,9 +78,7 @@ class TestCommands:
             moved = np.clip(away, -0.12 * tick, 0.12 * tick)
             np.testing.assert_allclose(layer.target - start, moved, atol=1e-12)
 
-    def test_torques_are_taken_once_and_only_extremes_of_many_are_kept(
-        self, go1: Robot, layer: JointLayer
-    ) -> None:
+    def test_torques_are_taken_once_and_of_many_the_extremes(self, go1: Robot, layer: JointLayer) -> None:
         for torque in range(500):
             layer.command(JointCommand(go1.default_pose, *np.zeros((3, 12)), np.full(12, 0.01 * torque)))
         torques = layer.take_torques()

@@ -263,8 +263,7 @@ def test_oldest_automatic_logs_make_room_and_nothing_else_does(tmp_path: Path) -
         os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
     link = tmp_path / "go1-20200101-000000-1.mcap"
     link.symlink_to(tmp_path / "walk.mcap")
-    path = LogStore(tmp_path, 1000).new_log("go1")
-    assert path.parent == tmp_path
+    assert LogStore(tmp_path, 1000).new_log("go1").parent == tmp_path
     assert {each.name for each in tmp_path.iterdir()} == {*others, "walk.mcap", link.name}
     (tmp_path / "file").touch()
     assert "--log FILE" in refusal_of(LogStore(tmp_path / "file" / "logs", 1000).new_log, "go1")

@@ -149,8 +149,7 @@ LIMITS = {
 @pytest.mark.parametrize("maker", LIMITS)
 def test_the_drives_limit_is_the_peak_torque_and_is_read_back(go1: Robot, maker: str) -> None:
     limit, limits_of = LIMITS[maker]
-    made = with_motors(go1, **MAKERS[maker])
-    robot = with_each_motor(made, drive_limit=limit, current_endpoint=301)
+    robot = with_each_motor(with_motors(go1, **MAKERS[maker]), drive_limit=limit, current_endpoint=301)
     wiring = wiring_of(robot)
     driver, end = open_driver(wiring), open_motor_end(wiring)
     assert not np.allclose(limits_of(end), wiring.highest)

@@ -171,8 +171,7 @@ class TestProgress:
         assert after(mode, {"end.may_lie": True} | changes) == State(leads_to, since_s)
 
     def test_lying_down_after_a_fault_keeps_it_and_release_ends_idle_after_damping(self) -> None:
-        state = following(State(L, 4.0, ("why",)), {"end.skip_lie_down": True})
-        assert state == State(E, 5.0, ("why",))
+        assert following(State(L, 4.0, ("why",)), {"end.skip_lie_down": True}) == State(E, 5.0, ("why",))
         assert not after(R, {}, since_s=5.0 - 0.5 * CONFIG.damping_s).over
         assert after(R, {}, since_s=5.0 - CONFIG.damping_s) == State(N, 5.0, over=True)
 

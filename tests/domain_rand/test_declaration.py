@@ -88,8 +88,7 @@ def test_uniform_quantile(u: float, low: float, width: float) -> None:
 
 
 def test_log_uniform_halves_its_mass_at_the_geometric_mean() -> None:
-    distribution = Distribution(0.1, 10.0, "log_uniform")
-    assert distribution.quantile(np.array([0.0, 0.5])) == pytest.approx([0.1, 1.0])
+    assert Distribution(0.1, 10.0, "log_uniform").quantile(np.array([0.0, 0.5])) == pytest.approx([0.1, 1.0])
     lopsided = Distribution(0.5, 8.0, "log_uniform")  # from half to sixteen times as much
     assert lopsided.quantile(np.array([0.0, 0.25, 0.75, 1.0])) == pytest.approx([0.5, 1.0, 4.0, 8.0])
 

@@ -47,8 +47,7 @@ def test_an_offset_moves_all_heights_and_drifts() -> None:
 
 
 def test_up_to_the_declared_share_of_points_is_missing() -> None:
-    errors = HeightScanErrors(missing_share=0.4)
-    shares = [np.isnan(delivered(errors, u)).mean() for u in episodes(2)]
+    shares = [np.isnan(delivered(HeightScanErrors(missing_share=0.4), u)).mean() for u in episodes(2)]
     assert min(shares) < 0.05
     assert 0.35 < max(shares) < 0.5
     assert np.mean(shares) == pytest.approx(0.2, abs=0.03)
@@ -63,8 +62,7 @@ def test_scans_stop_in_the_declared_share_of_episodes() -> None:
 
 
 def test_a_scan_without_information_does_not_correlate_with_the_ground() -> None:
-    errors = HeightScanErrors(useless_share=1.0, useless_m=0.2)
-    found = delivered(errors, np.full(NUMBERS, 0.5))
+    found = delivered(HeightScanErrors(useless_share=1.0, useless_m=0.2), np.full(NUMBERS, 0.5))
     assert abs(np.corrcoef(found, HEIGHTS)[0, 1]) < 0.15
     assert np.abs(found - HEIGHTS.mean()).max() <= 0.2
 

@@ -39,8 +39,7 @@ def test_commands_are_drawn_by_axis_with_shares_of_single_axes_and_of_standing()
     expected = (ranges.forward_m_s, ranges.leftward_m_s, ranges.yaw_rad_s)
     np.testing.assert_allclose(np.stack([low, high], axis=1), expected, rtol=1e-6)
     for u, axis in ((0.0, 0), (0.3, 0), (0.34, 1), (0.6, 1), (0.67, 2), (0.99, 2)):
-        alone = drawn(1, 1, 1, u, 0.29, 1, single_axis_probability=0.3)
-        assert np.flatnonzero(alone).tolist() == [axis]
+        assert np.flatnonzero(drawn(1, 1, 1, u, 0.29, 1, single_axis_probability=0.3)).tolist() == [axis]
         assert np.all(drawn(1, 1, 1, u, 0.31, 1, single_axis_probability=0.3))
     assert not drawn(1, 1, 1, 0, 1, 0.09, standing_probability=0.1).any()
     assert drawn(1, 1, 1, 0, 1, 0.11, standing_probability=0.1).any()

@@ -102,8 +102,7 @@ def test_the_program_follows_a_gaits_reference(
 
 def test_an_unknown_term_is_refused_by_name(program: Path, contract: Contract, tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
-    weights = np.zeros((3, 12), np.float32)
-    path = write_network(onnx, tmp_path / "policy.onnx", weights, contract)
+    path = write_network(onnx, tmp_path / "policy.onnx", np.zeros((3, 12), np.float32), contract)
     model = onnx.load(path)
     for entry in model.metadata_props:
         entry.value = entry.value.replace('"gyro"', '"lidar"')

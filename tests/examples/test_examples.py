@@ -78,8 +78,7 @@ def test_air_time_is_rewarded_at_the_landing(user_folder: UserFolder) -> None:
     user_folder.copy("feet_air_time.py")
     term = find("feet_air_time:FeetAirTime", "reward")(threshold_s=0.1)
     data = SimpleNamespace(contact=jnp.ones(2), period_s=0.1, moving=1.0)
-    contacts = [[1.0, 1.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 1.0]]
-    found = rewards(term, data, "contact", contacts)
+    found = rewards(term, data, "contact", [[1.0, 1.0], [1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 1.0]])
     np.testing.assert_allclose(found, [0.0, 0.0, 0.0, 0.2, 0.0], atol=1e-6)  # 0.3 s in the air
 
 
@@ -168,8 +167,7 @@ def test_commands_and_replies_of_the_examples_motors_arrive_as_they_were_sent(ac
     values = rng.uniform(driver.lowest, driver.highest)
     steps = (driver.highest - driver.lowest) / [[65535], [65535], [255], [255], [65535]]
     assert np.all(np.abs(end.requests(driver.command(values)).values - values) <= 0.51 * steps)
-    beyond = end.requests(driver.command(2.0 * driver.highest))
-    np.testing.assert_allclose(beyond.values, driver.highest)
+    np.testing.assert_allclose(end.requests(driver.command(2.0 * driver.highest)).values, driver.highest)
     measured, error = values[[0, 1, 4]], np.arange(12, dtype=np.uint64)
     replies = driver.replies(end.reply(np.arange(12), Report(measured, error, np.ones(12, bool), 41)))
     assert np.all(np.abs(replies.values - measured) <= 0.51 * steps[[0, 1, 4]])

@@ -33,8 +33,7 @@ def run_folder(six_iterations: str, kept_programs: None, tmp_path_factory: pytes
 def test_training_evaluates_its_policy_and_export_writes_it_again(shell: Shell, run_folder: Path) -> None:
     assert (run_folder / "config.yaml").is_file()
     assert list((run_folder / "checkpoints").iterdir())
-    evaluation = json.loads((run_folder / "evaluation.json").read_text())
-    assert evaluation["scenarios"]["gentle"]["episodes"] > 0
+    assert json.loads((run_folder / "evaluation.json").read_text())["scenarios"]["gentle"]["episodes"] > 0
     assert f"--resume {run_folder}" in shell.refuses("train", "--preset", "smoke", "--out", run_folder)
     outcome = shell("export", run_folder, "--out", "again.onnx")
     assert outcome.status == 0, outcome.err

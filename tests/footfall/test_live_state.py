@@ -28,8 +28,7 @@ from footfall.service_manager import notifying_service_manager
 def displayed(robot: Robot, **console: Any) -> str:
     """The display of a walk of half a second, whose thread gets time."""
     out = io.StringIO()
-    screen = Console(file=out, width=200, **console)
-    display = partial(live_state, duration_s=0.5, console=screen)
+    display = partial(live_state, duration_s=0.5, console=Console(file=out, width=200, **console))
     episode = short_episode(duration_s=0.5, display=display)
     run_episode(robot, Hold(robot), episode, lambda *_: time.sleep(0.001))
     return out.getvalue()

@@ -174,11 +174,9 @@ def test_an_effect_missing_in_the_model_is_named(tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     brief = ExcitationConfig(settle_s=0.2, triangle_s=0.5, chirp_s=0.4, burst_s=0.2)
     record(ROBOT, simulated_bus(ROBOT, {"stribeck_friction": 0.5 * ROBOT.motor.friction}), log, brief, LOOP)
-    recordings = [read_recording(log, ROBOT)]
-    whole = problem_of(LEG, recordings, FitConfig(window_s=0.2, rate_hz=125.0))
+    whole = problem_of(LEG, [read_recording(log, ROBOT)], FitConfig(window_s=0.2, rate_hz=125.0))
     free = tuple(each for each in whole.parameters if each.quantity in ("armature", "joint_friction"))
     # A command and a reading take 0.7 ms on the bus.
     delays = {each: 0.0007 for each in whole.parameters if each.quantity == "delay_s"}
-    problem = replace(whole, parameters=free, fixed=delays)
-    found = explained(problem, np.zeros(len(free)), rounds=1)
+    found = explained(replace(whole, parameters=free, fixed=delays), np.zeros(len(free)), rounds=1)
     assert found.best == "stribeck_friction", found

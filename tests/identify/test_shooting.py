@@ -56,8 +56,7 @@ def test_recordings_have_equal_weight_and_held_out_windows_none() -> None:
     assert weight[windows.recording == 1].sum() == pytest.approx(2 * weight[windows.recording == 0].sum())
     held_out = np.arange(12) % 2 == 0
     windows.measured[held_out] = 0.0  # wrong values that must not be used
-    fitted = windows.of([0, 1], excluded=held_out).fit()
-    assert fitted == pytest.approx(TRUTH, rel=0.02)
+    assert windows.of([0, 1], excluded=held_out).fit() == pytest.approx(TRUTH, rel=0.02)
 
 
 def test_a_fixed_parameter_stays() -> None:

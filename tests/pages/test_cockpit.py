@@ -52,8 +52,7 @@ def served(go1: Robot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sim
 def steering(served: SimpleNamespace, **changes: str) -> ClientConnection:
     """A connection to the cockpit, with its own token and origin unless others are given."""
     given: dict[str, Any] = {"token": served.token, "origin": f"http://localhost:{served.port}"} | changes
-    address = f"ws://localhost:{served.port}/steer?token={given['token']}"
-    return connect(address, origin=given["origin"])
+    return connect(f"ws://localhost:{served.port}/steer?token={given['token']}", origin=given["origin"])
 
 
 class Visitor:

@@ -83,11 +83,9 @@ class TestMotors:
         drivetrain = Drivetrain(nominal, 3, Sample(), 0.001, winding=None, net=None)
         for strength, total in ((0.5, 0.5), (0.8, 0.4)):
             drivetrain.weaken(np.full(3, strength))
-            expected = motor_torque(
-                JointCommand(*VALUES), POSITION, VELOCITY, nominal._replace(strength=total)
-            )
-            found = drivetrain.demand(JointCommand(*VALUES), POSITION, VELOCITY)
-            np.testing.assert_allclose(found, expected)
+            weak = nominal._replace(strength=total)
+            expected = motor_torque(JointCommand(*VALUES), POSITION, VELOCITY, weak)
+            np.testing.assert_allclose(drivetrain.demand(JointCommand(*VALUES), POSITION, VELOCITY), expected)
 
     def test_a_learned_part_of_the_law_acts_as_in_training(self) -> None:
         """The steps are so long that the memory has an effect."""

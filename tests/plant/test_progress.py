@@ -32,13 +32,11 @@ def test_the_mean_velocity_is_over_all_samples() -> None:
     progress = Progress(10.0)
     assert np.isnan(progress.mean_velocity).all()
     assert progress.distance_m == 0.0
-    step = np.arange(4.0)
+    step, still = np.arange(4.0), np.zeros(4)
+    positions = np.column_stack([0.1 * step, still, still])
+    velocities = np.column_stack([step, still + 1.0, -step])
     for part in (slice(0, 3), slice(3, 4)):
-        still, ahead = np.zeros_like(step[part]), np.ones_like(step[part])
-        progress.add(
-            np.column_stack([0.1 * step[part], still, still]),
-            np.column_stack([step[part], ahead, -step[part]]),
-        )
+        progress.add(positions[part], velocities[part])
     np.testing.assert_allclose(progress.mean_velocity, [1.5, 1.0, -1.5])
     assert progress.distance_m == pytest.approx(0.3)
 

@@ -168,8 +168,7 @@ def test_every_part_of_the_state_is_found_in_a_plant_of_more_than_the_robot(
         spheres = ([moved.geom(geom).xpos for geom in foot.geoms] for foot in altered.description.feet)
         positions.append([np.mean(each, axis=0) for each in spheres])
     np.testing.assert_allclose(truth.foot_position, positions[1], atol=1e-12)
-    velocity = np.subtract(positions[2], positions[0]) / 2e-6
-    np.testing.assert_allclose(truth.foot_velocity, velocity, atol=1e-6)
+    np.testing.assert_allclose(truth.foot_velocity, np.subtract(positions[2], positions[0]) / 2e-6, atol=1e-6)
     assert np.abs(truth.foot_velocity).min() > 0.01
 
 

@@ -184,8 +184,7 @@ def test_a_delay_of_actions_acts_in_training_and_on_the_plant(
     go1: Robot, nominal: Readings, tmp_path: Path, name: str
 ) -> None:
     goals = jnp.asarray(go1.default_pose) + jnp.array([[0.01], [0.0], [0.0]])
-    actuation = Actuation(go1, CONFIG)
-    late = actuation.targets(goals, goals[1], {name: 2 * CONFIG.timestep_s})
+    late = Actuation(go1, CONFIG).targets(goals, goals[1], {name: 2 * CONFIG.timestep_s})
     np.testing.assert_array_equal(np.ptp(late[:2], axis=0), np.zeros(N))
     assert (late[2] > late[1]).all()
     seen = rows_in_log(go1, tmp_path / "late.mcap", sample={name: np.array(2 * TICK_S)})

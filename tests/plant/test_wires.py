@@ -41,8 +41,7 @@ def test_motors_on_a_jammed_bus_drop_frames_instead_of_queueing_forever() -> Non
     for _ in range(100):
         wires.send(Side.ROBOT, frames(*[0] * 10), 0)
     assert wires.refused[Side.ROBOT, 0] > 0
-    arrived = wires.receive(Side.HOST, 22_000)
-    assert sum(len(batch.id) for batch in arrived) == wires.sent(Side.ROBOT)[0]
+    assert sum(len(batch.id) for batch in wires.receive(Side.HOST, 22_000)) == wires.sent(Side.ROBOT)[0]
 
 
 def test_a_bus_counts_sent_and_received_frames() -> None:

@@ -35,8 +35,7 @@ def random_situation(seed: int, standing: bool = False) -> Situation:
     contacts = (rng.uniform(size=(HORIZON.steps, 4)) < 0.6) | standing
     contacts[:, 0] = True
     feet = FEET + 0.05 * rng.standard_normal((HORIZON.steps, 4, 3))
-    before = rng.uniform(-10.0, 60.0, (4, 3)) * [[1.0], [0.0], [1.0], [1.0]]
-    return state, reference, contacts, feet, before
+    return state, reference, contacts, feet, rng.uniform(-10.0, 60.0, (4, 3)) * [[1.0], [0.0], [1.0], [1.0]]
 
 
 def step_by_step(state: BodyState, forces: np.ndarray, feet: np.ndarray) -> np.ndarray:

@@ -298,5 +298,4 @@ def test_impossible_ranges_shares_and_weights_are_refused() -> None:
         ("go1", "trot@rate_share=1.1", "rate_share"),
     ):
         assert f"{name} must be" in refusal_of(load_policy, spec, ROBOTS[robot])
-    spec = "step@step_s=0.6@double_support_s=0.59"
-    assert load_settings(spec, ROBOTS["g1"]).gait.double_support_s == 0.59
+    assert load_settings("step@step_s=0.6@double_support_s=0.59", ROBOTS["g1"]).gait.double_support_s == 0.59

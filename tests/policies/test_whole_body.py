@@ -324,8 +324,7 @@ class TestBalance:
         found = acceleration((0.02, -0.01, 0.6), (0.1, -0.05, 0.0))
         np.testing.assert_allclose(found, [*expected, 0.0], atol=1e-12)
         fast = np.array([1.2, 0.5, 0.0])  # a fall forward and a little to the left
-        found = acceleration((0.0, 0.0, 0.6), fast)
-        np.testing.assert_allclose(found[:2], -(rate**2) * 0.2 * fast[:2] / 1.3)
+        np.testing.assert_allclose(acceleration((0.0, 0.0, 0.6), fast)[:2], -(rate**2) * 0.2 * fast[:2] / 1.3)
 
     def test_a_tilted_base_is_turned_back(self, policy: Balance, monkeypatch: pytest.MonkeyPatch) -> None:
         """The acceleration is -100 tilt - 20 rate; roll is 0.02 rad, pitch -0.03 rad."""

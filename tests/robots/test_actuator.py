@@ -107,8 +107,7 @@ def test_a_lag_is_exact_for_steps_of_any_length(step_s: float) -> None:
 def test_stribeck_friction_falls_to_half_at_its_speed() -> None:
     motor = ONE_MOTOR._replace(stribeck=np.array([0.4]), stribeck_speed=np.array([2.0]))
     for speed, dry in ((2.0, 0.5 + 0.2), (6.0, 0.5 + 0.04), (0.1, (0.5 + 0.4 / (1 + 0.0025)) * 0.5)):
-        loss = friction_torque(np.array([-speed]), motor)
-        assert loss == pytest.approx(dry + 0.05 * speed, rel=1e-12)
+        assert friction_torque(np.array([-speed]), motor) == pytest.approx(dry + 0.05 * speed, rel=1e-12)
     motor = ONE_MOTOR._replace(stribeck=np.array([0.4]))  # the default speed is five times the ramp's
     assert friction_torque(np.array([1.0]), motor) == pytest.approx(-(0.5 + 0.2 + 0.05))
 

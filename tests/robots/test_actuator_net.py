@@ -39,8 +39,7 @@ def test_the_damping_is_the_slope_in_the_velocity_where_it_brakes(sign: float) -
     position, velocity, torque = 0.1 * RNG.normal(size=(3, N))
 
     def at(speed: np.ndarray) -> Learned:
-        inputs = inputs_of(net, command, position, speed, torque)
-        return learned_torque(net, inputs, 0.1 * MEMORY, 0.001)
+        return learned_torque(net, inputs_of(net, command, position, speed, torque), 0.1 * MEMORY, 0.001)
 
     slope = (at(velocity + 1e-6).torque - at(velocity - 1e-6).torque) / 2e-6
     assert np.abs(slope).max() > 0.01

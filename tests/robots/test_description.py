@@ -149,8 +149,7 @@ def test_an_imu_on_a_leg_is_refused(own_folder: Path) -> None:
 def test_gains_follow_from_reflected_inertia(go1: Robot) -> None:
     """kp = I w^2, kd = 2 z I w: a unit inertia at the joint would ring at the declared frequency."""
     gains = go1.description.gains
-    natural_hz = np.sqrt(go1.kp / go1.armature) / (2 * np.pi)
-    np.testing.assert_allclose(natural_hz, gains.natural_frequency_hz)
+    np.testing.assert_allclose(np.sqrt(go1.kp / go1.armature) / (2 * np.pi), gains.natural_frequency_hz)
     np.testing.assert_allclose(go1.kd / (2 * np.sqrt(go1.kp * go1.armature)), gains.damping_ratio)
     np.testing.assert_allclose(go1.kp * go1.action_scale, gains.torque_share * go1.motor.peak_torque)
 

@@ -131,8 +131,7 @@ def test_spheres_of_spheres_capsules_and_boxes() -> None:
     edges = turn.apply(list(product((-0.03, 0.03), (-0.02, 0.02), (-0.01, 0.01)))) - tip
     np.testing.assert_allclose(sorted(corners.centre.tolist()), sorted(edges.tolist()), atol=1e-12)
     assert not corners.radius.any()
-    together = foot_spheres(model, np.arange(3), tip)
-    assert together.radius.tolist() == [0.02, 0.01, 0.01, *[0.0] * 8]
+    assert foot_spheres(model, np.arange(3), tip).radius.tolist() == [0.02, 0.01, 0.01, *[0.0] * 8]
 
 
 def test_spheres_of_a_mesh_are_corners_of_its_box() -> None:

@@ -127,6 +127,5 @@ def test_a_leg_of_two_hinges_beside_one_of_three_moves_as_far_as_it_can(tmp_path
     two = Leg("b", (-0.2, -0.1, 0.0), [Hinge(PITCH, (0.0, 0.0, -0.2), angle) for angle in (0.5, -0.9)])
     legs = write_robot(tmp_path, [quadruped_leg("a", 0.2, 0.1), two]).legs
     jacobian = legs.pose(legs.scatter(legs.default_angles, np.zeros(5))).jacobian
-    motion = np.tile([[0.1], [0.2], [0.3]], (2, 1, 1))
-    moved = jacobian @ legs.joint_rates(jacobian, motion)
+    moved = jacobian @ legs.joint_rates(jacobian, np.tile([[0.1], [0.2], [0.3]], (2, 1, 1)))
     np.testing.assert_allclose(moved[..., 0], [[0.1, 0.2, 0.3], [0.1, 0.0, 0.3]], atol=1e-3)

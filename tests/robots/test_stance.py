@@ -91,8 +91,7 @@ def test_a_box_around_the_base_holds_all_its_colliding_geoms(go1: Robot, own_fol
     wedge = '<geom class="collision" type="mesh" mesh="wedge" pos="0 0 -0.1" quat="0 1 0 0"/>'  # upside down
     mesh = '<asset><mesh name="wedge" vertex="0 0 0 0.05 0 0 0 0.04 0 0 0 0.03" inertia="shell"/></asset>'
     text = text.replace(box, box + sphere + wedge).replace("<worldbody>", mesh + "<worldbody>", 1)
-    model = mujoco.MjModel.from_xml_string(text)
-    corners = base_corners(go1.description, model)
+    corners = base_corners(go1.description, mujoco.MjModel.from_xml_string(text))
     assert corners.min(axis=0).tolist() == pytest.approx([-0.13, -0.09, -0.13])
     assert corners.max(axis=0).tolist() == pytest.approx([0.23, 0.09, 0.05])
     assert len({tuple(corner) for corner in corners.tolist()}) == 8

@@ -30,12 +30,13 @@ class PageControls:
         self.connected: list[Any] = []  # called when a visitor connects
         self.disconnected: list[Any] = []
         self.on_client_connect, self.on_client_disconnect = self.connected.append, self.disconnected.append
+        self.get_clients = lambda: self.visitors
+        self.add_button = lambda label, **_: self._add(label)
+        self.add_checkbox = lambda label, value: self._add(label, value=value)
+        self.add_folder = lambda label, visible=True: self._add(label, visible=visible)
 
     def __getitem__(self, label: str) -> Control:
         return self.by_label[label]
-
-    def get_clients(self) -> dict[int, str]:
-        return self.visitors
 
     def _add(self, label: str, **facts: Any) -> Control:
         return self.by_label.setdefault(label, Control(label=label, **facts))
@@ -43,20 +44,11 @@ class PageControls:
     def add_markdown(self, content: str, **_: Any) -> Control:
         return self._add(f"text {len(self.by_label)}", content=content)
 
-    def add_folder(self, label: str, visible: bool = True) -> Control:
-        return self._add(label, visible=visible)
-
     def add_dropdown(self, label: str, options: tuple[str, ...], **_: Any) -> Control:
         return self._add(label, options=options, value=options[0])
 
-    def add_checkbox(self, label: str, value: bool) -> Control:
-        return self._add(label, value=value)
-
     def add_slider(self, label: str, low: float, high: float, _: float, value: float, **__: Any) -> Control:
         return self._add(label, min=low, max=high, value=value)
-
-    def add_button(self, label: str, **_: Any) -> Control:
-        return self._add(label)
 
     def add_panel(self) -> Any:
         layout = SimpleNamespace(dock_left=lambda: None, set_width=lambda _: None)

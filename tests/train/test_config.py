@@ -91,8 +91,7 @@ def test_a_file_with_a_wrong_base_or_change_is_refused(tmp_path: Path) -> None:
 
 def test_settings_load_under_their_older_names(own_folder: Path, tmp_path: Path) -> None:
     assert load_preset(str(Path(__file__).parent / "old_smoke.yaml")) == load_preset("smoke")
-    robot = own_training(own_folder, "ppo: {clip: 0.3, discount: 0.9}\n")
-    mine = load_preset("smoke", robot).ppo
+    mine = load_preset("smoke", own_training(own_folder, "ppo: {clip: 0.3, discount: 0.9}\n")).ppo
     assert (mine.clip_param, mine.gamma) == (0.3, 0.9)
     for policy in ("go1-flat", "g1-flat", "hexapod-flat"):
         ppo = open_run(PRESETS.parents[1] / "policies" / "zoo" / policy).config.ppo

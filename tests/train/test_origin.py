@@ -50,8 +50,7 @@ class Trained:
     def copied(self, path: Path) -> tuple[Any, ...]:
         """Parameters, normaliser and notes of a training that starts from a file, and its own parameters."""
         state = self.begin(1)
-        found = copied_networks(path, state.params, state.normalizer, self.run.config.ppo)
-        return *found, state.params
+        return *copied_networks(path, state.params, state.normalizer, self.run.config.ppo), state.params
 
 
 @pytest.fixture(scope="module")

@@ -52,8 +52,7 @@ class TestLearningRate:
 
     def test_an_actor_that_moves_too_far_is_slowed_down_and_a_rate_never_exceeds_the_limit(self) -> None:
         target = {"desired_kl": 0.01, "num_learning_epochs": 3}
-        slowed = 1e-3 / 1.5 ** np.arange(1, 4)
-        assert self.rates(3.0, 1e-3, 1.0, **target) == pytest.approx(slowed, rel=1e-5)
+        assert self.rates(3.0, 1e-3, 1.0, **target) == pytest.approx(1e-3 / 1.5 ** np.arange(1, 4), rel=1e-5)
         assert self.rates(1e-2, 1e-7, 1.2e-7, **target) == pytest.approx(1.2e-7)
 
     def test_without_a_target_the_rate_is_the_limit(self) -> None:

@@ -11,8 +11,7 @@ from footfall.robots.importer.source import Source
 
 
 def feet_of(source: Source, *named: str) -> list[str]:
-    limbs = find_limbs(source, named)
-    return [source.model.body(leg.bodies[0]).name for leg in limbs.legs]
+    return [source.model.body(leg.bodies[0]).name for leg in find_limbs(source, named).legs]
 
 
 def test_names_of_feet_are_recognised() -> None:
@@ -52,8 +51,7 @@ def test_the_base_is_the_free_body_with_the_most_joints(tmp_path: Path) -> None:
 
 
 def test_an_upper_body_is_refused_unless_its_hands_are_named_as_feet(tmp_path: Path) -> None:
-    text = on_base(limb("left_gripper", 0.1, 0.2), limb("right_gripper", -0.1, 0.2))
-    source = read(tmp_path, text)
+    source = read(tmp_path, on_base(limb("left_gripper", 0.1, 0.2), limb("right_gripper", -0.1, 0.2)))
     with pytest.raises(UserError, match=r"left_gripper, right_gripper, .*--feet"):
         find_limbs(source)
     assert feet_of(source, "left_gripper", "right_gripper") == ["left_gripper", "right_gripper"]

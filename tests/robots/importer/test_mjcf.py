@@ -27,8 +27,7 @@ def test_a_joints_torque_is_the_sum_over_its_actuators_within_its_own_limit(
 ) -> None:
     first = limb("a", 0.1, 0.2, '<site name="s"/><site name="a_site"/>').replace("range=", f"{joint} range=")
     text = on_base(first, limb("b", -0.1, 0.2), extra=f"<actuator>{actuators}</actuator>")
-    found = read(tmp_path, text).peak_torque_nm
-    assert found == pytest.approx(expected)
+    assert read(tmp_path, text).peak_torque_nm == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

@@ -102,8 +102,7 @@ def test_torque_is_at_most_3_weights() -> None:
     for source, named in ((excessive, r"joint b .*95"), (bare, "joint b")):
         with pytest.raises(UserError, match=named):
             peak_torques(machine, source, {}, 0.4)
-    given = peak_torques(machine, excessive, {"b": 200.0, "": 5.0}, 0.4)
-    assert given == {"a": 5.0, "b": 200.0, "c": 5.0}
+    assert peak_torques(machine, excessive, {"b": 200.0, "": 5.0}, 0.4) == {"a": 5.0, "b": 200.0, "c": 5.0}
     assert peak_torques(machine, bare, {"b": 200.0}, 0.4)["b"] == 200.0
 
 

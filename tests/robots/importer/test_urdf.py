@@ -68,8 +68,7 @@ def test_visual_geometry_is_used_only_without_collision_geometry(tmp_path: Path)
     visual = '<visual><origin xyz="0 0 -0.2"/><geometry><sphere radius="0.03"/></geometry></visual>'
     some = read(tmp_path, quadruped(thigh=visual))
     assert 0.03 not in some.model.geom_size[:, 0]
-    only = quadruped(foot=visual).replace("collision>", "visual>")
-    none = read(tmp_path, only)
+    none = read(tmp_path, quadruped(foot=visual).replace("collision>", "visual>"))
     assert (none.model.geom_size[:, 0] == 0.03).sum() == 4
     assert none.guesses == ("no link has a collision geometry: visual geometry was taken",)
     assert some.guesses == ()
