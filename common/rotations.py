@@ -55,7 +55,7 @@ def vertical_in_body(quaternion: np.ndarray) -> tuple[float, float, float]:
 
 def multiply(a: Array, b: Array) -> Array:
     """Product of two quaternions (..., 4): the rotation b, then a."""
-    return _stacked(a, product(_components(a), _components(b)))
+    return _stacked(a, quaternion_product(_components(a), _components(b)))
 
 
 def normalised(vector: Array) -> Array:
@@ -103,7 +103,7 @@ def shift_gravity(quaternion: Sequence[float], offset: Sequence[float]) -> list[
         h[2] * g[0] - h[0] * g[2],
         h[0] * g[1] - h[1] * g[0],
     ]
-    return product(quaternion, _unit(turn))
+    return quaternion_product(quaternion, _unit(turn))
 
 
 def heading(quaternion: Array) -> Array:
@@ -163,7 +163,7 @@ def _gravity(quaternion: Sequence[Any]) -> list[Any]:
     return [-2 * (x * z - w * y), -2 * (y * z + w * x), 2 * (x * x + y * y) - 1]
 
 
-def product(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
+def quaternion_product(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
     """Product of two quaternions, both in components: plain numbers, or arrays."""
     (aw, ax, ay, az), (bw, bx, by, bz) = a, b
     return [

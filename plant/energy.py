@@ -78,7 +78,8 @@ class EnergyMeter:
         ends = [end for end, _ in self._taken]
         starts = [0, *ends]
         counts = np.diff([*starts, len(powers) - 1])
-        sums = np.add.reduceat(powers, starts) * (counts > 0)[:, None]  # without steps it is the next one
+        # Of a range without steps, `reduceat` returns the row after it.
+        sums = np.add.reduceat(powers, starts) * (counts > 0)[:, None]
         sums[0] += self._sums
         counts[0] += self._count
         means = (sums[:-1] / np.maximum(counts[:-1], 1)[:, None]).tolist()

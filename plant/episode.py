@@ -26,7 +26,7 @@ from footfall.plant.bus import SimulatedBus
 from footfall.plant.ground_truth import Snapshot
 from footfall.plant.height_scan import SimulatedScanner
 from footfall.plant.progress import Progress
-from footfall.plant.recorder import Moment, Recorder
+from footfall.plant.recorder import Recorder, TraceSample
 from footfall.plant.robot import PlantConfig, SimulatedRobot
 from footfall.plant.trace import Trace
 from footfall.plant.wires import SimulatedWires
@@ -208,7 +208,7 @@ class Trial:
         self._last = snapshot = body.snapshot()
         estimate = loop.estimate
         self._recorder.add(
-            Moment(snapshot, body.take_power(), now_s, loop.requested_command, loop.target, *estimate)
+            TraceSample(snapshot, body.take_power(), now_s, loop.requested_command, loop.target, *estimate)
         )
         if self._episode.get_up is None and (reason := body.fall(snapshot)) is not None:
             self._fall_reason = reason

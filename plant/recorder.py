@@ -12,7 +12,7 @@ from footfall.plant.progress import Progress
 BLOCK = 32  # samples that are computed at once: one at a time, each would take 20 times as long
 
 
-class Moment(NamedTuple):
+class TraceSample(NamedTuple):
     """One sample of the walking phase, as in `Trace`."""
 
     snapshot: Snapshot
@@ -30,10 +30,10 @@ class Recorder:
     def __init__(self, truths: Callable[[Sequence[Snapshot]], Truth], progress: Progress, keep: bool) -> None:
         """`truths` computes the true states of snapshots, `progress` gets those of the base."""
         self._truths, self._progress, self._keep = truths, progress, keep
-        self._samples: list[Moment] = []  # not computed yet
+        self._samples: list[TraceSample] = []  # not computed yet
         self._blocks: list[dict[str, np.ndarray]] = []
 
-    def add(self, sample: Moment) -> None:
+    def add(self, sample: TraceSample) -> None:
         """Add one sample, whose arrays must not change afterwards."""
         self._samples.append(sample)
         if len(self._samples) >= BLOCK:
@@ -57,7 +57,7 @@ class Recorder:
             self._blocks.append(
                 {
                     **truths._asdict(),
-                    **dict(zip(Moment._fields[2:], arrays, strict=True)),
+                    **dict(zip(TraceSample._fields[2:], arrays, strict=True)),
                     "electrical_power": np.array([power.electrical for power in powers]),
                     "mechanical_power": np.array([power.mechanical for power in powers]),
                     "positive_power": np.array([power.positive for power in powers]),

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from footfall.common.rotations import product, rotation_rows
+from footfall.common.rotations import quaternion_product, rotation_rows
 from footfall.deploy.drivers.imu import Inertial
 
 
@@ -58,7 +58,7 @@ def body_window(readings: BodyReadings, on_legs: bool) -> BodyWindow:
         gyro,
         [sum(map(mul, row, acceleration)) for row in to_world],
         np.array(to_world[2]),
-        _rotation_vector(product((w, -x, -y, -z), quaternion)),
+        _rotation_vector(quaternion_product((w, -x, -y, -z), quaternion)),
         _gyro_turn(readings, gyro),
     )
 

@@ -39,7 +39,7 @@ class JointWindow(NamedTuple):
     elapsed_s: float
     joints: np.ndarray  # (3, n) last reading: position rad, velocity rad/s, torque N m
     repeated: np.ndarray  # (3, n) whether each reading of the window equals the previous one
-    any_repeated: bool  # whether any does: the checks of repeated readings then have nothing to do
+    any_repeated: bool  # whether any does; if not, the checks of repeated readings do nothing
     travel: np.ndarray  # rad, integral of the velocities
     position_error: np.ndarray  # rad, change of the position minus the travel
     late_s: np.ndarray  # difference between the ages of the oldest and the youngest reading
