@@ -9,7 +9,7 @@ from footfall.plant.energy import Power
 from footfall.plant.ground_truth import Snapshot, Truth
 from footfall.plant.progress import Progress
 
-BLOCK = 32  # samples that are computed at once: one at a time, each would take 20 times as long
+BLOCK = 32  # samples that are computed at once: one at a time, each would take ten times as long
 
 
 class TraceSample(NamedTuple):
@@ -48,8 +48,7 @@ class Recorder:
         return {name: np.concatenate([block[name] for block in self._blocks]) for name in self._blocks[0]}
 
     def _compute(self) -> None:
-        samples = list(zip(*self._samples, strict=True))
-        snapshots, powers, *others = samples
+        snapshots, powers, *others = zip(*self._samples, strict=True)
         truths = self._truths(snapshots)
         self._progress.add(truths.base_position, truths.base_velocity)
         if self._keep:
