@@ -51,8 +51,8 @@ class EnergyMeter:
         self._loss = robot.copper_loss
         # Torque, velocity before and velocity after of each step that is not added up yet.
         self._rows = np.zeros((BLOCK, 3, len(robot.joint_names)))
-        self._steps = 0  # their number
-        self._taken: list[tuple[int, Power]] = []  # powers, with this number when each was taken
+        self._steps = 0  # number of these steps
+        self._taken: list[tuple[int, Power]] = []  # number of steps when a power was taken, and the power
         self._count, self._sums = 0, np.zeros(3)  # of steps, and of their powers in W, since the last power
 
     def add(self, torque: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:

@@ -18,9 +18,9 @@ COLLAPSED_SHARE = 0.4  # of the standing height
 
 
 class Snapshot(NamedTuple):
-    """What the true state is computed from. Taking it costs a fraction of the computation.
+    """Raw state from which the true state is computed. Taking it costs a fraction of the computation.
 
-    Arrays of MuJoCo's `MjData`, except torque and contacts.
+    The arrays are copies from MuJoCo's `MjData`, except torque and contacts.
     """
 
     qpos: np.ndarray
@@ -158,7 +158,8 @@ class GroundTruth:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Positions m and velocities m/s of the feet, world frame, (T, feet, 3) each: means over their geoms.
 
-        Args: arrays of T snapshots. The velocity of a point is v + w x r, with r from `centre` to it.
+        The arguments are those fields of T snapshots, with a further first axis. The velocity of a point is
+        v + w x r, with r from `centre` to the point.
         """
         positions, twists = geom_position[:, self._foot_geoms], twist[:, self._foot_bodies]
         arms = positions - centre[:, self._foot_roots]

@@ -165,7 +165,7 @@ class SimulatedRobot:
         return self._ground_truth.truth(self._torque)
 
     def snapshot(self) -> Snapshot:
-        """What the true state is computed from, later (`truths`)."""
+        """Raw state, from which `truths` computes the true state later."""
         return self._ground_truth.snapshot(self._torque)
 
     def truths(self, snapshots: Sequence[Snapshot]) -> Truth:

@@ -59,7 +59,7 @@ class JointWindow(NamedTuple):
     gains: np.ndarray  # (2, n) stiffness and damping of the last command, N m/rad, N m s/rad
     torques: np.ndarray  # (k, n) each reported torque, N m
     commanded: np.ndarray  # (m, n) each torque commanded between these reports, N m
-    first_commanded: list[int]  # (k,) row of the first of them since the report before each report
+    first_commanded: list[int]  # (k,) row in `commanded` of the first command after the previous report
     temperature_c: np.ndarray  # NaN if not reported
     voltage: np.ndarray  # supply voltage of the motors, V; NaN if not reported
 
